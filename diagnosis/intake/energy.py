@@ -11,7 +11,9 @@ least twice the largest T. The loss factor  w = sum F dx / sum |F dx|  of a clos
 below the n-th part of that. A sign that is turned makes w negative; so do effort and
 position in each other's column, since  sum x dF = -sum F dx  on a closed way.
 
-What a driven end gives to its surroundings comes from the drive: over closed ways its work is at most the drive's.
+What a driven end gives to its surroundings comes from the drive: over closed ways its work is at most the drive's. Of a
+cable whose driven end was not recorded that end goes as far as its drive, and the difference of both tensions is what
+rubs between them.
 
 A driven end that nothing else drives follows its drive. With a force F = g(x - y), g rising, between drive x and
 driven end y, and energy only taken beyond y, it is  sum F dy >= 0  and with it  sum x dy >= 0:  the end is late by
@@ -19,6 +21,7 @@ sum x dy / sum v_x v_y  s, not early.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +30,9 @@ from cable_envs.diagnosis.intake.tracks import DRIVEN, LAG, PASSED_ON, WORKS, Fa
 
 FEWEST = 2
 """Closed ways that say anything."""
+AS_FAR = ("drive_position",)
+"""Positions of a drive whose driven end goes as far, but for what a cable stretches: where its own was not recorded."""
+_RUBS = "friction between both ends"
 _SURE = 5.0
 """Standard deviations of a sum of noise."""
 
@@ -39,6 +45,8 @@ def against_nature(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fa
     for (effort, place), (out, end) in PASSED_ON.items():
         if {effort, place, out, end} <= set(recording.channels):
             yield from _gains(tracks, (effort, place), (out, end))
+        elif {effort, place, out} <= set(recording.channels) and place in AS_FAR and _adds(tracks, effort, out, place):
+            yield from _gains(tracks, (effort, place), (out, place))
     for drive, driven in DRIVEN.items():
         if drive in recording.channels and driven in recording.channels:
             yield from _leads(tracks, drive, driven)
@@ -73,6 +81,16 @@ def _gains(tracks: Sequence[Track], drive: tuple[str, str], end: tuple[str, str]
             f"{drive[0]} puts in: exchange the two where they are in each other's column, or look at their units"
         )
         yield Fault(tracks[0].name, end[0], 1, text)
+
+
+def _adds(tracks: Sequence[Track], effort: str, out: str, place: str) -> bool:
+    """Whether what a cable's drive pulls more than its load takes no energy but gives it, and noise would not."""
+    found = []
+    for track in tracks:
+        rubs = {**track.channels, _RUBS: track.channels[effort] - track.channels[out]}
+        found.append(losses(replace(track, channels=rubs), _RUBS, place))
+    factors, least = np.concatenate([w for w, _ in found]), [least for w, least in found if len(w)]
+    return _below(factors) and float(np.mean(factors)) < float(np.mean(least))
 
 
 def works(track: Track, effort: str, place: str, along: str) -> np.ndarray:

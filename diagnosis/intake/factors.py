@@ -7,7 +7,7 @@ two. A rate is tied to its position by time alone, and the nearest factor of a c
     rates      position' = speed, with a factor of 1 and the same sign
     asked      what obeys a command goes its way; so does a driven end
     tension    a cable only pulls, and over friction up and down its tensions are  W e^q  and  W e^-q: their geometric
-               mean is the weight W
+               mean is the weight W, and the same at both ends of a cable
     band       what drives a drum carries the difference of its band's tensions
     forces     force = m a + c v + k sign(v) + constant, with the numbers that are stated
 """
@@ -52,6 +52,7 @@ def wrong_factors(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fau
     yield from _rates(recording, tracks)
     yield from _ways(recording, tracks)
     yield from _tensions(recording, tracks)
+    yield from _both_ends(recording, tracks)
     yield from _forces(recording, tracks)
     yield from _band(recording, tracks)
 
@@ -159,6 +160,15 @@ def _tensions(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
                 carried = f"up and down it carries {ratio:.3g} times the load's weight of {weight:.3g} N"
                 text = f"{carried}: {hint(ratio, OF_FORCES)}"
                 yield Fault(tracks[0].name, channel, 1, text)
+
+
+def _both_ends(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
+    if not {"drive_tension", "load_tension"} <= set(recording.channels):
+        return
+    ratio = _carried(tracks, "drive_tension") / _carried(tracks, "load_tension")
+    if not 1.0 / HALF < ratio < HALF:
+        text = f"pulled in and paid out it is {ratio:.3g} times load_tension: {hint(ratio, OF_FORCES)}"
+        yield Fault(tracks[0].name, "drive_tension", 1, text)
 
 
 def _weight(recording: Recording, tracks: Sequence[Track]) -> float:

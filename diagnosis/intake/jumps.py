@@ -27,6 +27,8 @@ _AROUND = 0.025
 """Of a record: gaps this close to the largest one belong to it (a block that was moved has two ends or three)."""
 _TAIL = 0.02
 """Of the samples, whose lone steps show how the tail falls."""
+_ROUNDING = 1e-9
+"""Of the largest value: what a conversion of units leaves between values that were one."""
 _SPLITS = 50
 """Places in a record where its unit may change."""
 _CALM, _NEAR = 0.99, 2
@@ -200,13 +202,22 @@ def spikes(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
             continue
         for track in tracks:
             rows, size = lone_samples(track.even(channel))
-            if len(rows):
+            # where a motion turns, a count may be there for one sample
+            if len(rows) and size > _count(track.channels[channel]):
                 text = (
                     f"{len(rows)} samples stand alone by up to {size:.3g}, while its neighbours are as before: spikes; "
                     f"mark them under 'quality'"
                 )
                 yield Fault(track.name, channel, track.row(int(rows[0])), text, False)
                 break
+
+
+def _count(values: np.ndarray) -> float:
+    """What all steps between values [T] are multiples of, the least of them; 0 where they are not."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > _ROUNDING * np.max(np.abs(values))] if len(steps) else steps
+    times = steps / np.min(steps) if len(steps) else steps
+    return float(np.min(steps)) if len(steps) and np.all(np.abs(times - np.round(times)) < 0.01) else 0.0
 
 
 def lone_samples(values: np.ndarray) -> tuple[np.ndarray, float]:

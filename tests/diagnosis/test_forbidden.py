@@ -13,6 +13,7 @@ from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.intake.jumps import (
+    _count,
     exchanged,
     jumps,
     lone_jump,
@@ -335,6 +336,13 @@ def test_spikes_are_noted_and_noise_is_not():
         rng = np.random.default_rng(seed)
         assert len(lone_samples(rng.standard_normal(3000))[0]) == 0
         assert len(lone_samples(np.round(rng.standard_normal(3000)))[0]) == 0
+
+
+def test_the_counts_of_a_sensor_are_what_all_its_steps_are_multiples_of():
+    rng = np.random.default_rng(0)
+    wave = 0.009 * np.sin(np.arange(2000) / 30.0)
+    assert _count(2e-6 * np.round(wave / 2e-6)) == pytest.approx(2e-6)
+    assert _count(wave + rng.normal(0.0, 1e-6, 2000)) == 0.0 == _count(np.zeros(9))
 
 
 def test_a_sensor_that_is_held_while_the_rig_moves_is_refused():

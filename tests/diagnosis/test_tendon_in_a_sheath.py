@@ -1,6 +1,8 @@
 """Recordings of a tendon in a sheath, made by the capstan law along all of it (`benchmarks.unlike.sheath`)."""
 
 import json
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import yaml
 from benchmarks.unlike.sheath import Tendon, catheter, worn_catheter
 from cable_envs.diagnosis import diagnose, load_recording
 from cable_envs.diagnosis.asked import request_of
+from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.systems import prepare, simulator_of
 from cable_envs.diagnosis.systems.common import Sampled, augmented_rig
 from cable_envs.diagnosis.systems.starts import begin
@@ -16,6 +19,7 @@ from cable_envs.plants import family, plant_for
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
 
+drawn = cache(catheter)
 STIFFNESS, FRICTION, SPRING, PRELOAD, GAP = 5900.0, 0.43, 1270.0, 4.9, 6e-4
 PERIOD = 0.01
 VALUES = {"bend_angle": 2.5, "sheath_stiffness": 60e3}
@@ -75,12 +79,13 @@ def test_the_contacts_of_the_simulator_are_the_capstan_law_but_for_their_number(
     assert off[0] > 0.2 and off[40] < 0.012
 
 
-def recording(folder, log, **content):
-    """What the log is as a recording, of which the owner states the bend alone."""
+def recording(folder, log, rows=900, **content):
+    """What the log's first rows are as a recording, of which the owner states the bend alone."""
     folder.mkdir()
     records = []
     for name, text in log.files.items():
-        (folder / name).write_text(text.replace(",", ".").replace(";", ","))
+        kept = "".join(text.splitlines(keepends=True)[: 1 + rows])
+        (folder / name).write_text(kept.replace(",", ".").replace(";", ","))
         records.append({"data": name, "use": "heldout" if name == log.heldout else "fit"})
     channels = {"time": {"column": "Zeit", "unit": "s"}}
     for column, channel in COLUMNS.items():
@@ -97,14 +102,14 @@ def recording(folder, log, **content):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    return recording(tmp_path_factory.mktemp("catheter") / "plain", catheter(3))
+    return recording(tmp_path_factory.mktemp("catheter") / "plain", drawn(3))
 
 
 def test_a_rig_says_at_how_many_places_it_rubs_and_else_it_is_along_all_of_the_sheath(made, tmp_path):
     plain = load_recording(made)
     assert simulator_of(plain, request_of(plain)).contacts == 40
     assert simulator_of(plain, request_of(plain, rig="bowden-1m")).contacts == 0
-    lumped = load_recording(recording(tmp_path / "lumped", catheter(3), rig="bowden-1m"))
+    lumped = load_recording(recording(tmp_path / "lumped", drawn(3), rig="bowden-1m"))
     assert simulator_of(lumped, request_of(lumped)).contacts == 0
     assert simulator_of(lumped, request_of(lumped, rig="bowden-1m-20")).contacts == 20
     question = prepare(plain)
@@ -114,7 +119,7 @@ def test_a_rig_says_at_how_many_places_it_rubs_and_else_it_is_along_all_of_the_s
 
 
 def test_nothing_is_missing_where_a_tendon_rubs_along_all_of_its_sheath(made):
-    log, found = catheter(3), diagnose(load_recording(made))
+    log, found = drawn(3), diagnose(load_recording(made))
     assert (found.verdict, found.effects) == ("no_detectable_mismatch", ())
     true = {name: value for name, (value, _) in log.truth.items()}
     for name in ("friction_coefficient", "load_stiffness", "load_preload"):
@@ -125,6 +130,33 @@ def test_nothing_is_missing_where_a_tendon_rubs_along_all_of_its_sheath(made):
 @pytest.mark.slow
 def test_a_gap_at_its_drive_is_named(tmp_path):
     log = worn_catheter(3)
-    found = diagnose(load_recording(recording(tmp_path / "worn", log)))
+    found = diagnose(load_recording(recording(tmp_path / "worn", log, rows=2000)))
     assert [e.name for e in found.effects] == ["backlash"]
     assert found.effects[0].parameters["gap"]["value"] == pytest.approx(log.truth["backlash"][0], rel=0.02)
+
+
+def other(text, change):
+    """A log with its columns of drive, tension there and tension at the tip changed, row by row."""
+    head, *rows = text.splitlines()
+    changed = [change(*(float(v.replace(",", ".")) for v in row.split(";"))) for row in rows]
+    return "\n".join([head, *(";".join(f"{v:.4f}".replace(".", ",") for v in row) for row in changed)]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "channel", "said"),
+    [
+        (lambda t, x, drive, tip: (t, x, tip, drive), "load_tension", "exchange the two"),
+        (lambda t, x, drive, tip: (t, x, drive / 9.81, tip), "drive_tension", "kilograms and newtons"),
+        (lambda t, x, drive, tip: (t, x, drive, 1e3 * tip), "load_tension", "the unit of one of them is wrong"),
+        (lambda t, x, drive, tip: (t, -x, drive, tip), "drive_tension", "turn the sign"),
+        (lambda t, x, drive, tip: (t, x, drive, -tip), "load_tension", "turn its sign"),
+        (lambda t, x, drive, tip: (t, x, drive, tip), "", ""),
+        (lambda t, x, drive, tip: (t, x, 1.2 * drive, 0.9 * tip), "", ""),
+    ],
+)
+def test_columns_that_cannot_be_right_are_refused(change, channel, said, tmp_path):
+    log = drawn(3)
+    log = replace(log, files={name: other(text, change) for name, text in log.files.items()})
+    faults = gate(load_recording(recording(tmp_path / "other", log, rows=2000))).faults
+    assert [fault.channel for fault in faults[:1]] == ([channel] if channel else [])
+    assert any(said in fault.text for fault in faults) or not channel
