@@ -106,12 +106,10 @@ def _begun(recording: Recording, plant: Plant, request: Request) -> dict[str, fl
     """Numbers that nobody states, as the records to fit tell them before anything is simulated."""
     if recording.rig is not None or request.rig or not recording.used_for("fit"):
         return {}
-    values, period = plant_values(recording, plant), sample_period(recording.records)
-    said = {*recording.known, *recording.nominal, *usual(recording, plant)}
-    channels = [name for name in recording.channels if name != "time"]
+    channels, period = [name for name in recording.channels if name != "time"], sample_period(recording.records)
     series = [resample(record, period, channels)[1] for record in recording.used_for("fit")]
-    told = {n: v for n, v in starts.begin(recording.system, series, values, period).items() if n not in said}
-    return {name: float(np.clip(v, plant.table[name].low, plant.table[name].high)) for name, v in told.items()}
+    said = {*recording.known, *recording.nominal, *usual(recording, plant)}
+    return starts.begin(plant, series, plant_values(recording, plant), period, said)
 
 
 def _model(

@@ -42,7 +42,7 @@ def moved(gap=0.0, seconds=16.0):
 @pytest.mark.parametrize("left_out", ["", "load_position", "load_tension", "drive_tension"])
 def test_what_slides_tells_friction_stiffness_and_load(gap, left_out):
     series = [{n: Sampled(v, np.ones(len(v), dtype=bool)) for n, v in moved(gap).items() if n != left_out}]
-    found = begin("tendon_sheath", series, VALUES, PERIOD)
+    found = begin(plant_for("tendon_sheath"), series, VALUES, PERIOD)
     own = 1.0 / (1.0 / STIFFNESS - 1.0 / VALUES["sheath_stiffness"])
     wanted = {
         "friction_coefficient": FRICTION / VALUES["bend_angle"], "tendon_stiffness": own, "load_stiffness": SPRING,
@@ -54,8 +54,8 @@ def test_what_slides_tells_friction_stiffness_and_load(gap, left_out):
 @pytest.mark.parametrize("kept", [("load_tension",), ("drive_tension",), ("load_position",)])
 def test_one_channel_beside_the_drive_tells_nothing(kept):
     series = [{n: Sampled(moved()[n], np.ones(1600, dtype=bool)) for n in ("drive_position", *kept)}]
-    assert begin("tendon_sheath", series, VALUES, PERIOD) == {}
-    assert begin("cable_hole", series, VALUES, PERIOD) == {}
+    assert begin(plant_for("tendon_sheath"), series, VALUES, PERIOD) == {}
+    assert begin(plant_for("cable_hole"), series, VALUES, PERIOD) == {}
 
 
 def test_the_contacts_of_the_simulator_are_the_capstan_law_but_for_their_number():

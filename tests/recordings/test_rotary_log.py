@@ -7,7 +7,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording, diagnose
 from cable_envs.diagnosis.systems import looked_at, prepare
 from cable_envs.diagnosis.systems.common import Sampled
-from cable_envs.diagnosis.systems.rotary_joint.balance import balance
+from cable_envs.diagnosis.systems.starts.rotary_joint import balance
 from cable_envs.diagnosis.systems.stated.fitting import systems_for
 
 INERTIA, WEIGHT, RUBBING, CONSTANT, RESISTANCE = 0.05, 1.2, 0.06, 0.5, 2.0  # kg m^2, N m, N m, N m/A, ohm

@@ -23,6 +23,7 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, hypotheses_for
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
 from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.systems import starts
 from cable_envs.diagnosis.systems.common import (
     at_first,
     augmented_rig,
@@ -41,7 +42,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     recorded,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
-from cable_envs.diagnosis.systems.rotary_joint.balance import UNSURE, Balance, balance
+from cable_envs.diagnosis.systems.starts import UNSURE
 from cable_envs.diagnosis.systems.stated.limits import limits_of, stated_in
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
@@ -58,8 +59,6 @@ _OF_SUPPLY = ("dead_band", "quantised_command", "supply_sag", "command_delay", "
 _OF_WINDING = ("winding_heating",)
 _SCALES = ("torque_constant", "load_mass", "inertia")
 """A current tells ratios only: one of these must be stated."""
-_LEAST = 0.05
-"""Share of what turns that is the inertia at least, where the mass on its assumed arm would be more than all."""
 
 
 def effort_of(recording: Recording) -> str:
@@ -131,43 +130,12 @@ def prepare(recording: Recording, request: Request) -> Question:
 def _started(
     recording: Recording, plant: Plant, values: Mapping[str, float], request: Request, period: float
 ) -> dict[str, float]:
-    """Inertia, weight and torque constant that nobody states, by the balance of torque in the records to fit."""
+    """Inertia, weight and torque constant that nobody states, as the records to fit tell them."""
     if recording.rig is not None or request.rig:
         return {}
-    said = {*recording.known, *recording.nominal, *usual(recording, plant)}
-    effort = effort_of(recording)
+    effort, said = effort_of(recording), {*recording.known, *recording.nominal, *usual(recording, plant)}
     series = [recorded(r, period, ["position", effort])[1] for r in recording.used_for("fit")]
-    found = balance(series, period, effort)
-    if found is None:
-        return {}
-    factor = {"torque": 1.0, "current": values["torque_constant"]}.get(
-        effort, values["torque_constant"] / values["resistance"]
-    )
-    started = {}
-    if effort == "current" and "torque_constant" not in said:
-        factor = started["torque_constant"] = _factor(found, values, said)
-    turned, weight = factor * found.inertia, factor * found.weight
-    arm = values["arm_length"]
-    if "load_mass" not in said:
-        started["load_mass"] = weight / max(values["gravity"] * arm, 1e-9)
-    if "hanging_angle" not in said:
-        started["hanging_angle"] = found.hanging
-    if "inertia" not in said:
-        others = values["load_inertia"] + started.get("load_mass", values["load_mass"]) * arm**2
-        started["inertia"] = max(turned - others, _LEAST * turned)
-    return {n: float(np.clip(v, plant.table[n].low, plant.table[n].high)) for n, v in started.items()}
-
-
-def _factor(found: Balance, values: Mapping[str, float], said: set[str]) -> float:
-    """Torque for one ampere by which the stated weight, or else the stated inertia, is that of the balance."""
-    if "load_mass" in said and found.weight > 0.0:
-        return values["load_mass"] * values["gravity"] * values["arm_length"] / found.weight
-    if "inertia" in said:  # what hangs on the arm turns, too
-        arm, gravity = values["arm_length"], max(values["gravity"], 1e-9)
-        others = values["inertia"] + values["load_inertia"]
-        alone = found.inertia - found.weight * arm / gravity
-        return others / alone if alone > _LEAST * found.inertia else others / found.inertia
-    return values["torque_constant"]
+    return starts.begin(plant, series, values, period, said)
 
 
 def _limited(recording: Recording, request: Request, values: dict[str, float]) -> dict[str, float]:

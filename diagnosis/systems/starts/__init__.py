@@ -2,43 +2,48 @@
 
 A plant whose records tell such numbers has a module here with its name, and in it
 
-    begin(series, values, period) -> {parameter: value}     SI; those that the records do not tell are left out
+    begin(series, values, period, said) -> {parameter: value}     SI; those that the records do not tell are left out
 
-with the records to fit as ``series``, each channel -> its samples on an even clock
-(`cable_envs.diagnosis.systems.common.Sampled`), and ``values`` of the plant's whole table.
+with what is given to the `begin` of this package.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 
 from cable_envs.diagnosis.systems.common import Sampled
+from cable_envs.plants.base import Plant
 
 UNSURE = 0.3
 """Standard deviation of a number that the records tell, as a share of it: the laws that tell it leave things out."""
 
 
 def begin(
-    plant: str, series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float
-) -> dict[str, float]:
+    plant: Plant, series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float,
+    said: Collection[str] = (),
+) -> dict[str, float]:  # fmt: skip
     """Numbers of a plant as its records tell them.
 
     Parameters
     ----------
-    plant : str
-        Its name.
+    plant : Plant
+        Which.
     series : sequence of mapping of str to Sampled
         Channels of each record to fit, SI, on an even clock.
     values : mapping of str to float
         Numbers of the plant's whole table, SI, as they are stated or assumed.
     period : float
         Of the clock, s.
+    said : collection of str
+        Parameters that are stated.
 
     Returns
     -------
     dict of str to float
-        Parameters by name, SI; empty for a plant that has no module here.
+        Parameters that are not stated, SI, within their bounds; empty for a plant that has no module here.
     """
-    if find_spec(f"{__name__}.{plant}") is None:
+    if not series or find_spec(f"{__name__}.{plant.name}") is None:
         return {}
-    return dict(import_module(f"{__name__}.{plant}").begin(series, values, period))
+    told = import_module(f"{__name__}.{plant.name}").begin(series, values, period, said)
+    table = plant.table
+    return {n: float(min(max(v, table[n].low), table[n].high)) for n, v in told.items() if n not in said}

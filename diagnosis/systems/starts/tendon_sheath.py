@@ -9,7 +9,7 @@ is known yet, does not count as stretch. Two of T1, T2 and y, with x, tell a; wi
 is stretched for the same T2 pulled in than paid out, e^a. Masses and dampings are left out: the motion is slow.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +36,9 @@ class _Sliding:
     way: np.ndarray
 
 
-def begin(series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float) -> dict[str, float]:
+def begin(
+    series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float, said: Collection[str]
+) -> dict[str, float]:
     """Friction coefficient, stiffness of the tendon, and spring and preload of the load; see the package."""
     slides = _sliding(series, period)
     a = _friction(slides) if slides is not None else None

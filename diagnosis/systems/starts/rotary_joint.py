@@ -1,4 +1,4 @@
-"""Inertia and weight of a joint by the balance of torque in its records: where refits of unstated numbers begin.
+"""Inertia and weight of a joint by the balance of torque in its records.
 
     (J + J_l + m l^2) q'' + b q' + F sign(q') + m g l sin(q - q_0) = T
 
@@ -11,20 +11,22 @@ which is linear in what is sought (modulating functions: Shinbrot, Trans. ASME 7
 Computers Chem. Eng. 17 (1993) 1). Friction is in it, so that a joint that rubs is not taken for a heavier one.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import convolve
 
 from cable_envs.diagnosis.systems.common import Sampled, smooth_speed
+from cable_envs.diagnosis.systems.starts import UNSURE
 
 SHORTEST, LONGEST = 16, 6
 """Samples of the shortest window; windows of that kind, at least, in the longest record."""
-UNSURE = 0.3
-"""Standard error of the inertia, as a share of it, from which on the balance tells nothing."""
 TOLD = 3.0
 """Standard errors from which on there is a weight."""
+
+_LEAST = 0.05
+"""Share of what turns that is the inertia at least, where the mass on its assumed arm would be more than all."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,39 @@ class Balance:
     error: float
     weight: float
     hanging: float
+
+
+def begin(
+    series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float, said: Collection[str]
+) -> dict[str, float]:
+    """Inertia, weight, the angle at which it hangs, and of a current the torque of one ampere; see the package."""
+    effort = next(name for name in series[0] if name != "position")
+    found = balance(series, period, effort)
+    if found is None:
+        return {}
+    factor = {"torque": 1.0, "current": values["torque_constant"]}.get(
+        effort, values["torque_constant"] / values["resistance"]
+    )
+    begun = {}
+    if effort == "current" and "torque_constant" not in said:
+        factor = begun["torque_constant"] = _factor(found, values, said)
+    turned, weight, arm = factor * found.inertia, factor * found.weight, values["arm_length"]
+    if "load_mass" not in said:
+        begun["load_mass"] = weight / max(values["gravity"] * arm, 1e-9)
+    others = values["load_inertia"] + begun.get("load_mass", values["load_mass"]) * arm**2
+    return begun | {"hanging_angle": found.hanging, "inertia": max(turned - others, _LEAST * turned)}
+
+
+def _factor(found: Balance, values: Mapping[str, float], said: Collection[str]) -> float:
+    """Torque for one ampere by which the stated weight, or else the stated inertia, is that of the balance."""
+    if "load_mass" in said and found.weight > 0.0:
+        return values["load_mass"] * values["gravity"] * values["arm_length"] / found.weight
+    if "inertia" in said:  # what hangs on the arm turns, too
+        arm, gravity = values["arm_length"], max(values["gravity"], 1e-9)
+        others = values["inertia"] + values["load_inertia"]
+        alone = found.inertia - found.weight * arm / gravity
+        return others / alone if alone > _LEAST * found.inertia else others / found.inertia
+    return values["torque_constant"]
 
 
 def balance(records: Iterable[Mapping[str, Sampled]], period: float, effort: str) -> Balance | None:
