@@ -130,9 +130,12 @@ def test_nothing_is_missing_where_a_tendon_rubs_along_all_of_its_sheath(made):
 @pytest.mark.slow
 def test_a_gap_at_its_drive_is_named(tmp_path):
     log = worn_catheter(3)
-    found = diagnose(load_recording(recording(tmp_path / "worn", log, rows=2000)))
+    asked = ["backlash", "stiffness_hardening", "sensor_bias", "viscoelastic_creep"]  # what was named in its place
+    found = diagnose(load_recording(recording(tmp_path / "worn", log)), effects=asked)
     assert [e.name for e in found.effects] == ["backlash"]
-    assert found.effects[0].parameters["gap"]["value"] == pytest.approx(log.truth["backlash"][0], rel=0.02)
+    gap, errors = found.effects[0].parameters["gap"], found.fit["drive_tension"]["heldout_rmse"]
+    assert gap.low < log.truth["backlash"][0] < gap.high
+    assert errors["augmented"] < 0.1 * errors["refit"]  # 0.10 N; with all 20 s of a record 0.03 N, the noise
 
 
 def other(text, change):
