@@ -135,7 +135,7 @@ def test_a_gap_at_its_drive_is_named(tmp_path):
     assert [e.name for e in found.effects] == ["backlash"]
     gap, errors = found.effects[0].parameters["gap"], found.fit["drive_tension"]["heldout_rmse"]
     assert gap.low < log.truth["backlash"][0] < gap.high
-    assert errors["augmented"] < 0.1 * errors["refit"]  # 0.10 N; with all 20 s of a record 0.03 N, the noise
+    assert errors["augmented"] < 0.2 * errors["refit"]  # 0.10 N of 1.17 N; the noise is 0.03 N
 
 
 def other(text, change):
