@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.unlike.logs import CONTROL, Dialect, Log, Sensor, run, sines, text, trapezoids
 from benchmarks.unlike.sheath import catheter, worn_catheter
+from benchmarks.unlike.touch import needle, probe
 
 DEG, MM = 180.0 / np.pi, 1e3
 _HARD = "0.9999 0.9999 0.001"
@@ -233,5 +234,5 @@ def belt(seed: int) -> Log:
 
 RIGS: dict[str, Callable[[int], Log]] = {
     "rotary": rotary, "pulleys": pulleys, "continuum": continuum, "belt": belt,
-    "catheter": catheter, "worn-catheter": worn_catheter,
+    "catheter": catheter, "worn-catheter": worn_catheter, "probe": probe, "needle": needle,
 }  # fmt: skip
