@@ -10,6 +10,7 @@ SEAMS = ("actuate", "cable", "contact", "load", "sense")
 
 _TURNING = {
     "m": "rad", "m/s": "rad/s", "N": "N m", "N s/m": "N m s", "N/m": "N m/rad", "kg": "kg m^2", "1/m": "1/rad",
+    "N s/m^2": "N m s/rad^2",
 }  # fmt: skip
 
 
@@ -186,6 +187,9 @@ class Effect:
         the sensor has.
     wave : tuple of two str, optional
         Names of its period and its phase, where it is a sine along the position.
+    place : str
+        Name of its parameter that is a place along the position, where it has one: it is looked for all along the
+        travel of the records.
     plants : tuple of str
         Of an effect with hooks: the plants that it acts on; empty: every one that asks at its seams.
     hooks : mapping of str to callable
@@ -222,6 +226,7 @@ class Effect:
     over_time: str = ""
     offsets: tuple[str, ...] = ()
     wave: tuple[str, str] | None = None
+    place: str = ""
     plants: tuple[str, ...] = ()
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     states: tuple[EffectState, ...] = ()

@@ -15,8 +15,9 @@ SHOWN = (
     "lugre_friction", "elastoplastic_friction", "load_dependent_friction", "gear_friction", "lateral_extrusion",
     "bending_stiffness", "cable_elongation", "stiffness_hardening",
     "viscoelastic_creep", "slow_creep", "friction_drift", "backlash", "slack", "partial_slip", "position_ripple",
-    "position_dependent_load", "actuator_lag", "command_delay", "dead_band", "quantised_command", "supply_sag",
-    "torque_saturation", "winding_heating", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification",
+    "position_dependent_load", "unilateral_contact", "actuator_lag", "command_delay", "dead_band", "quantised_command",
+    "supply_sag", "torque_saturation", "winding_heating", "sensor_delay", "sensor_bias", "sensor_scale",
+    "sensor_rectification",
 )  # fmt: skip
 """The order in which effects are listed to people, friction first; what is not named here comes behind, by name."""
 

@@ -290,7 +290,7 @@ def _likelier(
     the prior there would count against the effect.
     """
     _, peak, left = at
-    shapes = [p for h in effects if not h.wave for p in h.free if p.name in h.shapes]
+    shapes = [p for h in effects if not h.wave for p in h.free if p.name in h.shapes and not p.std]
     far = {p.name: _typical(p) for p in shapes if p.name in peak.free and left.priced.is_unusual({p.name})}
     if not far:
         return at

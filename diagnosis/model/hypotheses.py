@@ -7,7 +7,8 @@ probed at finite sizes and shapes; a probe is a direction in the space of record
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,25 @@ LOGGER = "logger."
 REFITTED, KNOWN = "refitted already", "stated as known"
 """How a parameter is in a model."""
 BY_NAME = "it is asked only where it is named (--effects)"
+NO_TRAVEL = "where it is met is looked for along a position, and none is recorded"
 WAVES = (1.75, 20.0, 0.5)
 """Waves along the travel at which an effect that is a sine along it is probed: from, to, step."""
+PLACES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Shares of the travel at which an effect that has a place along it is probed."""
+
+
+class Travel(NamedTuple):
+    """Where a position goes in records, m or rad: its lowest and highest place, and the widest range of one record."""
+
+    low: float
+    high: float
+    widest: float
+
+    @classmethod
+    def of(cls, records: Sequence[np.ndarray]) -> "Travel":
+        """Of the positions of some records, [T] each."""
+        low, high = min(float(np.min(x)) for x in records), max(float(np.max(x)) for x in records)
+        return cls(low, high, max(float(np.ptp(x)) for x in records))
 
 
 @dataclass(frozen=True)
@@ -93,19 +111,20 @@ class Hypothesis:
 
     @cached_property
     def parts(self) -> tuple["Hypothesis", ...]:
-        """The same effect in one of several places alone, friction in the contact or at the load, if it has several.
+        """The same effect with some of its sizes only, friction in the contact or at the load, if it has several.
 
-        A place in which nothing is missing costs the evidence of the others its own parameter.
+        One in which nothing is missing costs the evidence of the others its own parameter.
         """
         if len(self.nulls) < 2:
             return ()
         found = []
-        for name in self.nulls:
-            gone = self.nulls.keys() - {name}
+        some = (kept for count in range(1, len(self.nulls)) for kept in combinations(self.nulls, count))
+        for kept in some:
+            gone = self.nulls.keys() - set(kept)
             probes = tuple(p for p in self.probes if not any(gone & direction.keys() for direction in p))
             if probes:
                 free = tuple(p for p in self.free if p.name not in gone)
-                found.append(replace(self, free=free, probes=probes, nulls={name: self.nulls[name]}))
+                found.append(replace(self, free=free, probes=probes, nulls={n: self.nulls[n] for n in kept}))
         return tuple(found) if len(found) > 1 else ()
 
     @property
@@ -202,13 +221,12 @@ def hypotheses_for(
     *,
     only: Sequence[str] | None = None,
     without: Sequence[str] = (),
-    travel: float | None = None,
+    travel: Travel | None = None,
 ) -> Candidates:
     """Effects that the model of ``values`` leaves out and that could show in ``signals``; of the others, why not.
 
     modelled: parameters that are in the model already -> whether they are `REFITTED` or `KNOWN`; only, without: names
-    of effects, from the command line; travel: range of positions in the recording, m or rad, over which a ripple is
-    looked for.
+    of effects, from the command line; travel: over which a ripple, and the place of what has one, is looked for.
     A sensor's effect is a hypothesis for each signal, named "sensor_bias.force". Raises ConfigurationError for names
     that are no effects of the plant.
     """
@@ -232,7 +250,9 @@ def hypotheses_for(
         else:
             groups = [(effect.name, parameters)] if parameters else []
         for name, group in groups:
-            if why := _in_already(plant, effect, group, values, modelled):
+            if effect.place and travel is None:
+                refused[name] = NO_TRAVEL
+            elif why := _in_already(plant, effect, group, values, modelled):
                 refused[name] = why
             else:
                 found.append(_hypothesis(effect, name, group, values, modelled, travel))
@@ -265,7 +285,7 @@ def _hypothesis(
     parameters: Sequence[EffectParameter],
     values: Mapping[str, float],
     modelled: Mapping[str, str],
-    travel: float | None,
+    travel: Travel | None,
 ) -> Hypothesis:
     rows = {effect.row(p): p for p in parameters}
     # what a recording claims to know as absent is what may be missing
@@ -275,8 +295,13 @@ def _hypothesis(
     probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent)]
     if effect.wave and travel:
         period, phase = (f"{effect.name}.{name}" for name in effect.wave)
-        free = [_within(f, travel) if f.name == period else f for f in free]
-        probes = _waves(next(iter(sizes)), sizes, period, phase, travel)
+        free = [_within(f, travel.widest) if f.name == period else f for f in free]
+        probes = _waves(next(iter(sizes)), sizes, period, phase, travel.widest)
+    if effect.place and travel:
+        place = f"{effect.name}.{effect.place}"
+        free = [_along(f, travel) if f.name == place else f for f in free]
+        at = [travel.low + share * (travel.high - travel.low) for share in PLACES]
+        probes = [({**one, place: here},) for (one,) in probes for here in at]
     nulls = {row: p.null for row, p in sizes.items()}
     least = max((p.least for p in sizes.values()), default=0.0)
     return Hypothesis(
@@ -286,7 +311,7 @@ def _hypothesis(
 
 def _searched(effect: Effect, p: EffectParameter) -> bool:
     """Whether a refit moves a parameter: sizes, and shapes that are probed."""
-    return not p.shape or bool(p.probes) or p.name in (effect.wave or ())
+    return not p.shape or bool(p.probes) or p.name in (*(effect.wave or ()), effect.place)
 
 
 def free_of(row: str, p: EffectParameter) -> Free:
@@ -323,6 +348,13 @@ def _sizes(effect: Effect, p: EffectParameter) -> list[float]:
 def _within(free: Free, travel: float) -> Free:
     """The period of a wave, of which there is one and a half over the travel, or it were a spring or a constant."""
     return replace(free, start=travel / 4.0, low=travel / 25.0, high=travel / 1.5, scale=travel / 4.0)
+
+
+def _along(free: Free, travel: Travel) -> Free:
+    """A place along the position: anywhere that the records go, each place as likely as any other."""
+    length = travel.high - travel.low
+    middle = travel.low + 0.5 * length
+    return replace(free, start=middle, low=travel.low, high=travel.high, scale=0.25 * length, std=length / np.sqrt(12))
 
 
 def _waves(

@@ -199,7 +199,7 @@ class Search:
                 self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
             )  # fmt: skip
             others = list(best_of((c.effects[-1].name, c) for c in others).values())
-            stuck |= {h.name: why for c in others if (why := smaller(h := c.effects[-1], c.fit))}
+            stuck |= {h.name: why for c in others if (why := self.refits.against(h := c.effects[-1], c.fit))}
             others = [c for c in others if c.effects[-1].name not in stuck]
             if not on_top or on_top[0][0][-1].name not in stuck:
                 break
@@ -263,7 +263,7 @@ class Search:
             if other:
                 new = model.effects[-1]
                 more = holds(new, own) and self.odds.of(model, best) < sure
-                if more or _ends_as(model, best) or smaller(new, model.fit):
+                if more or _ends_as(model, best) or self.refits.against(new, model.fit):
                     continue
                 rivals[name][other] = over_rival(best, model)
                 odds = self.odds.of(best, model) - sure if holds(own, new) else odds + _margin(own, new, told)

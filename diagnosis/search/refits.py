@@ -138,7 +138,7 @@ class Refits:
         for _ in range(AGAIN):
             how = (self._model, base, scored.without(stuck), self._nominals, self.weights, asked.looks)
             ranked = self._keep("comparison", partial(compare, *how))
-            stuck |= {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
+            stuck |= {c.hypothesis.name: why for c in ranked if (why := self.against(c.hypothesis, c.judged.fit))}
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
                 break
@@ -155,7 +155,7 @@ class Refits:
             self._asked = asked
         return asked
 
-    def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:
+    def against(self, hypothesis: Hypothesis, fit: Fit) -> str:
         """What speaks against a refit, whatever it gains."""
         step = float(getattr(self._model, "resolved", 0.0))
         if unresolved(hypothesis, fit, step):

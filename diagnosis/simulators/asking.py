@@ -12,7 +12,7 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import ParameterTable
 from cable_envs.diagnosis.intake.logged import FILTER, SPEEDS
-from cable_envs.diagnosis.model.hypotheses import Candidates, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import Candidates, Travel, hypotheses_for
 from cable_envs.diagnosis.simulators.declaration import Command, Declaration, ForcePort
 from cable_envs.diagnosis.simulators.effects import DROOP, FORMS, OF_COMMANDS, OF_SENSORS, SENSOR_LAG
 from cable_envs.diagnosis.simulators.ports import ACTING, OF_PLACE, layout
@@ -38,13 +38,13 @@ class Moves:
     ----------
     force, speed : float
         RMS of what moves it (inertia times acceleration), and of its velocity.
-    travel : float
-        Range of its position; 0 without one.
+    travel : Travel, optional
+        Where its position goes; None without one.
     """
 
     force: float
     speed: float
-    travel: float
+    travel: Travel | None
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def candidates(
         plant: Any = SimpleNamespace(
             name=f"{place or 'sensors'} of {declaration.name}", table=table, effects=SimpleNamespace(effects=wanted)
         )
-        asked = hypotheses_for(plant, values, {}, signals, travel=travel or None)
+        asked = hypotheses_for(plant, values, {}, signals, travel=travel)
         if place:
             asked = Candidates(
                 tuple(replace(h, name=f"{h.name}.{place}") for h in asked.asked),
@@ -110,15 +110,17 @@ def _wanted(name: str, request: Request) -> bool:
     return name not in request.without and (request.only is None or name in request.only)
 
 
-def _places(declaration: Declaration, sizes: Sizes) -> Iterator[tuple[str, Sequence[Effect], Sequence[str], float]]:
+def _places(
+    declaration: Declaration, sizes: Sizes
+) -> Iterator[tuple[str, Sequence[Effect], Sequence[str], Travel | None]]:
     """(place, its effects with parameters and sizes there, signals of sensors, travel)."""
     for port in declaration.ports:
         yield port.name, _forces(declaration, port, sizes), (), sizes.ports[port.name].travel
     for command in declaration.commands:
-        yield command.name, _of_command(command, sizes.commands[command.name]), (), 0.0
+        yield command.name, _of_command(command, sizes.commands[command.name]), (), None
     outputs = {o.name: o.unit for o in declaration.outputs if o.name in sizes.outputs}
     effects = [EFFECTS[name] for name in _SENSED] + list(OF_SENSORS)
-    yield "", [_of_sensors(e, outputs, sizes) for e in effects], tuple(outputs), 0.0
+    yield "", [_of_sensors(e, outputs, sizes) for e in effects], tuple(outputs), None
 
 
 def _forces(declaration: Declaration, port: ForcePort, sizes: Sizes) -> list[Effect]:
@@ -130,20 +132,28 @@ def _forces(declaration: Declaration, port: ForcePort, sizes: Sizes) -> list[Eff
         "quadratic_drag.coefficient": (force / speed**2, 0.0, 1e3 * force / speed**2),
         "stribeck_friction.excess": (force, 0.0, 1e3 * force),
         "stribeck_friction.velocity": (0.05 * speed, 1e-4 * speed, 10.0 * speed),
-        "asymmetric_friction.difference": (force, -1e3 * force, 1e3 * force),
-        "constant_load.force": (force, -1e3 * force, 1e3 * force),
+        "asymmetric_friction.difference": (force, *_both(force)),
+        "constant_load.force": (force, *_both(force)),
         "friction_drift.time": (0.5 * sizes.seconds, 1e-2, 1e9),
     }
-    if port.position:
-        way = moves.travel
+    if moves.travel is not None:
+        way = moves.travel.widest
         typical |= {
             "presliding_hysteresis.displacement": (0.02 * way, 0.0, way),
             "position_dependent_load.stiffness": (2.0 * force / way, 0.0, 1e3 * force / way),
-            "position_ripple.force": (force, -1e3 * force, 1e3 * force),
+            "position_ripple.force": (force, *_both(force)),
+            "unilateral_contact.stiffness": (2.0 * force / way, *_both(force / way)),
+            "unilateral_contact.damping": (force / (way * speed), *_both(force / (way * speed))),
+            "unilateral_contact.friction": (force / way, *_both(force / way)),
         }
     of = layout(declaration.turns(port)).effects
     names = [n for n in (*ACTING, *(form.name for form in FORMS)) if port.position or n not in OF_PLACE]
     return [_placed(_sized(of[name], typical), port.name) for name in names]
+
+
+def _both(size: float) -> tuple[float, float]:
+    """Bounds of what may have either sign."""
+    return -1e3 * size, 1e3 * size
 
 
 def _of_command(command: Command, most: float) -> list[Effect]:
@@ -201,7 +211,8 @@ def _placed(effect: Effect, place: str) -> Effect:
     """The effect with its parameters called after the place."""
     wave = None if effect.wave is None else (f"{place}.{effect.wave[0]}", f"{place}.{effect.wave[1]}")
     own = tuple(replace(p, name=f"{place}.{p.name}", alias="") for p in effect.parameters)
-    return replace(effect, parameters=own, wave=wave, refuse=None)
+    met = f"{place}.{effect.place}" if effect.place else ""
+    return replace(effect, parameters=own, wave=wave, place=met, refuse=None)
 
 
 def _not_asked(declaration: Declaration, sizes: Sizes) -> dict[str, str]:

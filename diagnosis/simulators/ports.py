@@ -26,15 +26,17 @@ from cable_envs.effects.lanes import STATES, STEP
 from cable_envs.effects.layout import Layout
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import begin_friction, slide
+from cable_envs.effects.unilateral_contact import met_friction, met_push
 
 ACTING = {
     "coulomb_friction": ("level",), "viscous_friction": ("coefficient",), "stribeck_friction": ("excess", "velocity"),
     "asymmetric_friction": ("difference",), "presliding_hysteresis": ("displacement",),
     "friction_drift": ("change", "time", "travel"), "position_dependent_load": ("stiffness", "neutral"),
     "position_ripple": ("force", "period", "phase"),
+    "unilateral_contact": ("stiffness", "damping", "friction", "place"),
 }  # fmt: skip
 """Effects of the library at a port -> their parameters there."""
-OF_PLACE = ("presliding_hysteresis", "position_dependent_load", "position_ripple")
+OF_PLACE = ("presliding_hysteresis", "position_dependent_load", "position_ripple", "unilateral_contact")
 """Those that ask for the position."""
 _TURNING = {QUADRATIC.name: "N m s^2/rad^2", CONSTANT_LOAD.name: "N m"}
 
@@ -72,10 +74,11 @@ def _push(coefficients, states, x, v, mass, net, dt, forces):
             push, rise = wave(
                 y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i]
             )
-            resist += viscous * speed + k * (y - e.position_dependent_load_neutral[i]) + e.constant_load_force[i]
-            stiffness = maximum(k - rise, 0.0)
-            level = e.coulomb_friction_level[i]
-            new = slide(e, s, g, i, speed, m, level, rest + push, resist, stiffness, damping + viscous, dt)
+            back, rigid, wet = met_push(e, i, y, speed, 0.0)
+            resist += viscous * speed + k * (y - e.position_dependent_load_neutral[i]) + e.constant_load_force[i] + back
+            stiffness = maximum(k - rise, 0.0) + rigid
+            level = e.coulomb_friction_level[i] + met_friction(e, i, y, 0.0)
+            new = slide(e, s, g, i, speed, m, level, rest + push, resist, stiffness, damping + viscous + wet, dt)
             s.drift[i] = drifted(s.drift[i], change, time, travel, dt, 0.5 * dt * abs(speed + new))
             s.started[i] = 1.0
             forces[first + i] = select(e.on[i] > 0.0, m * (new - speed) / dt - rest, 0.0)

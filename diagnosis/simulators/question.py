@@ -10,6 +10,7 @@ from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.description import OWN
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import Travel
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.simulators.asking import Moves, Sizes, candidates, known_effects
@@ -274,8 +275,8 @@ def _sizes(
         speeds, inertia = outputs[port.velocity], _inertia(simulator, runs[0], base, port, small)
         speed = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
         faster = float(np.sqrt(np.mean(np.concatenate([np.gradient(v, d.period) for v in speeds]) ** 2)))
-        travel = float(max(np.ptp(x) for x in outputs[port.position])) if port.position else 0.0
-        if speed == 0.0 or (port.position and travel == 0.0):
+        travel = Travel.of(outputs[port.position]) if port.position else None
+        if speed == 0.0 or (travel is not None and travel.widest == 0.0):
             raise ConfigurationError(
                 f"simulator '{d.name}': nothing moves at port '{port.name}' on the records at the nominal parameters"
             )

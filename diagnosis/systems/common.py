@@ -13,7 +13,7 @@ from cable_envs.diagnosis.data.description import channels_of, told
 from cable_envs.diagnosis.data.readings import FINE, Reading
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.driven import Recorded, best_width, by_cubics, noise_of_samples
-from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, Travel, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
@@ -244,6 +244,11 @@ def free_parameters(
     return found
 
 
+def travel_of(recording: Recording, place: str) -> Travel:
+    """Where the records to fit go, by a channel of a position."""
+    return Travel.of([r.data[place][r.usable(place)] for r in recording.used_for("fit")])
+
+
 def missing(
     recording: Recording, plant: Plant, values: Mapping[str, float], nominals: Sequence[Free], signals: Sequence[str],
     request: Request, soft: Mapping[str, bool], places: Sequence[str],
@@ -260,9 +265,7 @@ def missing(
     modelled |= {p.name: REFITTED for p in nominals}
     as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
     place = next((n for n in places if n in recording.channels), None)
-    travel = None
-    if place:
-        travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
+    travel = travel_of(recording, place) if place else None
     found = hypotheses_for(
         plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
     )

@@ -29,6 +29,7 @@ from cable_envs.diagnosis.systems.common import (
     free_parameters,
     plant_values,
     smooth_speed,
+    travel_of,
 )
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.drive.loop import EXPLAINED, controller
@@ -44,6 +45,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     effort_of,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.starts import UNSURE
 from cable_envs.diagnosis.systems.stated.limits import limits_of
 from cable_envs.diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
 from cable_envs.effects import EFFECTS
@@ -82,7 +84,8 @@ def prepare(recording: Recording, request: Request) -> Question:
     """What a drive's recording asks. Raises ConfigurationError where position, an effort or the mass is missing.
 
     The servo of an observed drive is as stiff as its mass asks, so that its noise is the same whatever the mass is. A
-    refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right).
+    refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right): a
+    mass of which nobody says how sure it is has a prior, as what begins by the records has.
     """
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     values = values_of(recording, plant, request)
@@ -102,6 +105,8 @@ def prepare(recording: Recording, request: Request) -> Question:
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
             "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
         )
+    unsure = [f for f in nominals if not closed and f.name in REFITTED and not f.std]
+    nominals = [replace(f, std=UNSURE * f.start) if f in unsure else f for f in nominals]
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items() if g or n != GAINS[3]]
     control = control if closed else []
     if closed:  # a controller is no slower than its log: what is read is on average half a sample old, at most
@@ -121,6 +126,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     if closed:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     notes = [how]
+    notes += [
+        f"{f.name}: no std is stated, so that it is held within about {UNSURE:.0%} of {f.start:.4g}" for f in unsure
+    ]
     if not closed and (rate := _forgets(values)) < _SLOW:
         early = 3.0 / max(rate, 1e-3)
         notes.append(
@@ -183,7 +191,7 @@ def _unit(plant: Plant, name: str) -> str:
 def _candidates(plant, recording, values, nominals, request: Request, closed: bool, period: float) -> Candidates:
     modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: FREE for f in nominals}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
-    travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
+    travel = travel_of(recording, "position")
     found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
     found = found.less(_why_not(values, closed))
     unsaid = "belt_damping" not in {*recording.known, *recording.nominal, *(request.rig or {})}

@@ -77,6 +77,15 @@ IDEAL = {
         {"asymmetric_friction.difference": 2.0, "position_dependent_load.stiffness": 50.0,
          "position_ripple.force": 3.0, "position_ripple.period": 0.05},
     ),
+    "drive-met": Case(
+        DRIVE, "force", 25.0, 0.02,
+        {"unilateral_contact.stiffness": 400.0, "unilateral_contact.friction": -60.0, "unilateral_contact.place": 0.01,
+         "unilateral_contact.damping": 200.0},
+    ),
+    "rotary-met": Case(
+        JOINT, "duty", 0.3, 0.2, {"unilateral_contact.stiffness": -0.4, "unilateral_contact.friction": 0.05,
+         "unilateral_contact.place": 0.1},
+    ),
     "rotary-duty": Case(
         JOINT, "duty", 0.3, 0.2, {"gear_friction.driving": 0.4, "gear_friction.backdriving": 0.3,
          "supply_sag.resistance": 1.0, "torque_saturation.drop": 0.3, "position_dependent_load.stiffness": 0.05},

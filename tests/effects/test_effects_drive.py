@@ -24,6 +24,13 @@ CASES = {
     "friction_drift, travel": {"friction_drift.change": 1.5, "friction_drift.time": 1e9, "friction_drift.travel": 0.1},
     "position_ripple": {"position_ripple.force": 8.0, "position_ripple.period": 0.05, "position_ripple.phase": 0.7},
     "position_dependent_load": {"position_dependent_load.stiffness": 300.0, "position_dependent_load.neutral": 0.02},
+    "unilateral_contact": {"unilateral_contact.stiffness": 900.0, "unilateral_contact.place": 0.02},
+    "unilateral_contact, below": {"unilateral_contact.stiffness": -900.0, "unilateral_contact.place": 0.01},
+    "unilateral_contact, belt": {**BELT, "unilateral_contact.stiffness": 900.0, "unilateral_contact.place": 0.02},
+    "unilateral_contact, damping": {"unilateral_contact.damping": 3000.0, "unilateral_contact.place": 0.02},
+    "unilateral_contact, damping below": {"unilateral_contact.damping": -3000.0, "unilateral_contact.place": 0.01},
+    "unilateral_contact, friction": {"unilateral_contact.friction": 200.0, "unilateral_contact.place": 0.01},
+    "unilateral_contact, friction below": {"unilateral_contact.friction": -200.0, "unilateral_contact.place": 0.03},
     "actuator_lag": {"actuator_lag.time": 0.04},
     "cable_elongation": BELT,
     "stiffness_hardening": {**BELT, "stiffness_hardening.coefficient": 0.1},
@@ -87,6 +94,39 @@ def test_friction_never_gives_energy(case):
         # the elements are springs: at most what they hold, level displacement / 2 = 0.02 J of 1.4 J, swings back
         swing = 0.015 if "presliding" in case else 1e-12
         assert np.all(np.diff(energy) <= swing * speed**2)
+
+
+@pytest.mark.parametrize("stiffness", [3e2, 3e4, 2e6])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_stop_gives_back_no_more_than_it_took(stiffness, way):
+    """Thrown against a spring that is met at 20 mm the carriage comes back with its speed, and is free again.
+
+    In a step of 1 ms the vibration of the springs turns by 0.006, 0.06 and 0.5 rad. The speed is kept to 0.5 % of it,
+    wherever in a step the carriage is when it meets the spring.
+    """
+    changes = {
+        "coulomb": 0.0, "viscous": 0.0, "mass": 8.0, "motor_mass": 0.0, "unilateral_contact.stiffness": way * stiffness,
+        "unilateral_contact.place": way * 0.02,
+    }  # fmt: skip
+    at = -np.linspace(0.0, 3e-4, 7) * way
+    values = np.repeat(PLANT.table.pack(changes)[:, None], len(at), axis=1)
+    state = PLANT.rest(PLANT.prepare(values), at)
+    state[PLANT.row("velocity")] = state[PLANT.row("motor_velocity")] = way * 0.3
+    out = replay(
+        PLANT, values, np.zeros(100), PERIOD, drive="force", signals=["position", "velocity"], state=state, substeps=10
+    )
+    met = way * out[:, 0, 0] > 0.02
+    assert np.all(way * out[-1, 0] < 0.02)
+    assert -way * out[-1, 1] == pytest.approx(np.full(len(at), 0.3), rel=5e-3 if stiffness > 1e5 else 1e-4)
+    if stiffness == 3e2:  # half a period of the vibration, pi sqrt(m / k) = 0.513 s, of which 0.51 are 51 samples
+        assert np.count_nonzero(met) == pytest.approx(np.pi * np.sqrt(8.0 / stiffness) / PERIOD, abs=1.5)
+
+
+def test_what_is_met_pulls_nothing_and_is_held_at_rest():
+    values = PLANT.table.pack({"unilateral_contact.stiffness": 500.0, "unilateral_contact.place": 0.01})
+    for place, force in ((0.03, 10.0), (0.01, 0.0), (-0.2, 0.0)):
+        state = PLANT.rest(PLANT.prepare(values[:, None]), np.array([place]))
+        assert state[PLANT.row("force"), 0] == pytest.approx(force, abs=1e-12)
 
 
 def test_a_servo_reaches_its_command():

@@ -29,7 +29,13 @@ class Drive:
     def limits(self, v):
         """(friction against upward motion, against downward motion)."""
         extra, level = self.rig["asymmetric_friction.difference"], self.friction_level(v)
+        level += abs(self.rig["unilateral_contact.friction"]) * self.depth("friction")
         return level + max(extra, 0.0), level + max(-extra, 0.0)
+
+    def depth(self, size):
+        """How far the carriage is beyond the place, on the side on which that size is met."""
+        way = self.y - self.rig["unilateral_contact.place"]
+        return max(math.copysign(1.0, self.rig[f"unilateral_contact.{size}"]) * way, 0.0)
 
     def belt(self):
         r = self.rig
@@ -45,7 +51,9 @@ class Drive:
         r = self.rig
         turn = 2 * math.pi * self.y / r["position_ripple.period"] + r["position_ripple.phase"]
         spring = r["position_dependent_load.stiffness"] * (self.y - r["position_dependent_load.neutral"])
-        return r["viscous"] * self.v + spring - r["position_ripple.force"] * math.sin(turn)
+        met = r["unilateral_contact.stiffness"] * self.depth("stiffness")
+        met += abs(r["unilateral_contact.damping"]) * self.depth("damping") * self.v
+        return r["viscous"] * self.v + spring + met - r["position_ripple.force"] * math.sin(turn)
 
     def bent(self, mass):
         """Friction of the Maxwell-slip elements: each carries up to a quarter of the friction, either way."""

@@ -54,6 +54,16 @@ def test_physics_of_a_cart_is_named_with_its_size(concealed, name, parameter, tr
     assert effect.hypothesis.name == name
 
 
+@pytest.mark.slow
+def test_what_a_cart_meets_is_named_with_its_place():
+    records = cart_records(seed=5, seconds=4.0, noise=5e-4, met=(60.0, -0.1))
+    asked = ["unilateral_contact", "position_dependent_load", "coulomb_friction", "position_ripple"]
+    found = diagnose(records, simulator=cart(), effects=asked)
+    effect = _within(found, "slide.stiffness", -60.0, -0.01)  # 1 %: what acts is even over steps of 10 ms
+    assert effect.hypothesis.name == "unilateral_contact.slide"
+    assert effect.parameters["slide.place"].value == pytest.approx(-0.1, abs=2e-3)
+
+
 def test_dry_friction_of_a_cart_is_named_also_by_workers():
     records = cart_records(seed=1, seconds=2.5, noise=5e-4, coulomb=1.5)
     asked = ["coulomb_friction"]

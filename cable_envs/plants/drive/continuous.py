@@ -5,12 +5,14 @@ belt     m_m x_m'' = F - b,   m x'' = b - viscous x' - F_c sign(x') - m g share 
 """
 
 from cable_envs.effects.seams import dry_friction, sprung
+from cable_envs.effects.unilateral_contact import met_friction
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, rubbed
 from cable_envs.plants.drive.plant import _load, _motor_force
 
 EFFECTS = (
     "stribeck_friction", "asymmetric_friction", "stiffness_hardening", "position_ripple", "position_dependent_load",
+    "unilateral_contact",
 )  # fmt: skip
 
 
@@ -18,8 +20,8 @@ def _rigid(state, rows: Rows, way):
     y, v = state
     p, u, e, s, g, _, _ = rows
     force, _, _ = _motor_force(p, u, e, 0, y, v)
-    resist, _, _ = _load(p, u, e, s, 0, y, v)
-    dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
+    resist, _, _ = _load(p, u, e, s, 0, y, v, 0.0)
+    dry_friction(e, g, 0, along(v, way), p.coulomb[0] + met_friction(e, 0, y, 0.0), 0.0)
     faster = rubbed(force - resist, g.up[0], g.down[0], way) / (p.mass[0] + p.motor_mass[0])
     return (v, faster), (y, v, force, force - p.motor_mass[0] * faster)
 
@@ -29,8 +31,8 @@ def _belted(state, rows: Rows, way):
     p, u, e, s, g, _, _ = rows
     force, _, _ = _motor_force(p, u, e, 0, xm, vm)
     pull, _, _, _ = sprung(e, s, 0, p.belt_stiffness[0], p.belt_damping[0], xm - y, vm - v)
-    resist, _, _ = _load(p, u, e, s, 0, y, v)
-    dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
+    resist, _, _ = _load(p, u, e, s, 0, y, v, 0.0)
+    dry_friction(e, g, 0, along(v, way), p.coulomb[0] + met_friction(e, 0, y, 0.0), 0.0)
     net = rubbed(pull - resist, g.up[0], g.down[0], way)
     return (vm, (force - pull) / p.motor_mass[0], v, net / p.mass[0]), (y, v, force, pull, xm, vm)
 

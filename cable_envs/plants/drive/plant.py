@@ -32,6 +32,7 @@ from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
 from cable_envs.effects.slow_creep import creeps_on, lasting
+from cable_envs.effects.unilateral_contact import met_friction, met_push, push_at_rest
 from cable_envs.physics.motor import shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 
@@ -80,6 +81,7 @@ ACTING = Acting(
         "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
+        "unilateral_contact": ("stiffness", "damping", "friction", "place"),
         "actuator_lag": ("time",), "dead_band": ("width",), "quantised_command": ("steps",),
     },
     sensors={"position": "m", "velocity": "m/s", "force": "N", "motor_position": "m"},
@@ -143,23 +145,25 @@ def _belt(p, e, s, g, i, stretch, rate):
 
 
 @inline
-def _load(p, u, e, s, i, y, v):
-    """(force that resists besides dry friction, its stiffness, its damping)."""
+def _load(p, u, e, s, i, y, v, reach):
+    """(force that resists besides dry friction, its stiffness, its damping); what is met: from y - reach to + reach."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
     at, k, c = slopes_of_own_load(y, v, e, s, i)
     push = select(u.mode[i] > OBSERVED - 0.5, 0.0, u.disturbance[i])
+    back, rigid, wet = met_push(e, i, y, v, reach)
     resist = (
         p.weight[i]
         + p.viscous[i] * v
         + e.position_dependent_load_stiffness[i] * (y - e.position_dependent_load_neutral[i])
         - ripple
         + at
+        + back
         - push
     )
     return (
         resist,
-        e.position_dependent_load_stiffness[i] + maximum(-steep, 0.0) + k,
-        p.viscous[i] + c,
+        e.position_dependent_load_stiffness[i] + maximum(-steep, 0.0) + k + rigid,
+        p.viscous[i] + c + wet,
     )
 
 
@@ -181,14 +185,15 @@ def _step(x, p, u, e, s, g, i, dt):
     # one body, or the carriage
     direct, k, c = _motor_force(p, u, e, i, y + half * v, v)
     direct, k, c = select(observed, pushed, direct), select(observed, 0.0, k), select(observed, 0.0, c)
-    resist, load_k, load_c = _load(p, u, e, s, i, y + half * v, v)
+    resist, load_k, load_c = _load(p, u, e, s, i, y + half * v, v, half * v)
     elastic = g.elastic[i]
     drive = select(rigid, direct, pull + grip * alone)
     stiff = load_k + select(rigid, k, 0.0)
     damp = load_c + select(rigid, c, 2.0 * grip * (1.0 - along))
     mass = select(rigid, p.mass[i] + p.motor_mass[i], p.mass[i])
     ahead = half * stiff * v  # these forces are those of the middle already
-    v_new = slide(e, s, g, i, v, mass, p.coulomb[i], drive + ahead, resist, stiff, damp, dt)
+    level = p.coulomb[i] + met_friction(e, i, y + half * v, half * v)
+    v_new = slide(e, s, g, i, v, mass, level, drive + ahead, resist, stiff, damp, dt)
     v_new = select(rigid & follows, g.target_rate[i], v_new)
     vm_new = vm + alone + along * (v_new - v)
     xm_new = select(follows, g.target[i], xm + half * (vm + vm_new))
@@ -214,7 +219,7 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
     )
     force = select(observed, force + s.second[i], force)
     pull, _, _ = _belt(p, e, s, g, i, x.motor_position[i] - x.position[i], x.motor_velocity[i] - x.velocity[i])
-    resist, _, _ = _load(p, u, e, s, i, x.position[i], x.velocity[i])
+    resist, _, _ = _load(p, u, e, s, i, x.position[i], x.velocity[i], 0.0)
     friction = select(v_new > 0.0, g.up[i], select(v_new < 0.0, -g.down[i], 0.0))
     turned = share(s.presliding, i)
     band = g.up[i] + g.down[i]
@@ -296,7 +301,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     angle = 2.0 * np.pi * position / e.position_ripple_period + e.position_ripple_phase
     ripple = e.position_ripple_amplitude * np.sin(angle)
     spring = e.position_dependent_load_stiffness * (position - e.position_dependent_load_neutral)
-    force = p.weight + spring - ripple
+    force = p.weight + spring + push_at_rest(e, position) - ripple
     hard = e.stiffness_hardening_coefficient
     size = 2.0 * np.abs(force) / (1.0 + np.sqrt(1.0 + 2.0 * hard * np.abs(force)))
     belt = p.belt_stiffness > 0.0

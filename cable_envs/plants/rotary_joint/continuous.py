@@ -5,6 +5,7 @@
 
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import dry_friction
+from cable_envs.effects.unilateral_contact import met_friction
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, rubbed
 from cable_envs.plants.rotary_joint.plant import _load, _motor, _through
@@ -14,9 +15,9 @@ def _law(state, rows: Rows, way):
     y, v = state
     p, u, e, s, g, _, _ = rows
     torque, _, _, current, duty = _motor(p, u, e, 0, y, v, 0.0)
-    load, _, _ = _load(p, u, e, s, 0, y, v)
+    load, _, _ = _load(p, u, e, s, 0, y, v, 0.0)
     ripple, _ = wave(y, e.position_ripple_amplitude[0], e.position_ripple_period[0], e.position_ripple_phase[0])
-    dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
+    dry_friction(e, g, 0, along(v, way), p.coulomb[0] + met_friction(e, 0, y, 0.0), 0.0)
     net = torque + ripple - p.viscous[0] * v
     up, rising = _through(p, e, 0, net - g.up[0], load, v)
     down, falling = _through(p, e, 0, -net - g.down[0], -load, v)
@@ -38,6 +39,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         slides=("velocity",),
         effects=(
             "stribeck_friction", "asymmetric_friction", "gear_friction", "position_ripple", "position_dependent_load",
-            "supply_sag", "torque_saturation", "dead_band",
+            "unilateral_contact", "supply_sag", "torque_saturation", "dead_band",
         ),
     )  # fmt: skip

@@ -35,6 +35,7 @@ from cable_envs.effects.own import advance_memory, own_actuate, slopes_of_own_lo
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, slid
 from cable_envs.effects.torque_saturation import saturated, unsaturated
+from cable_envs.effects.unilateral_contact import met_friction, met_push, push_at_rest
 from cable_envs.effects.winding_heating import warmed
 from cable_envs.physics.motor import driven_current, shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, SecondCommand, Signal, rows_of
@@ -85,6 +86,7 @@ ACTING = Acting(
         "elastoplastic_friction": ("displacement", "damping", "breakaway"),
         "gear_friction": ("driving", "backdriving", "rise", "velocity"), "friction_drift": ("change", "time", "travel"),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
+        "unilateral_contact": ("stiffness", "damping", "friction", "place"),
         "actuator_lag": ("time",), "command_delay": ("time",), "dead_band": ("width",),
         "quantised_command": ("steps",), "supply_sag": ("resistance",), "torque_saturation": ("drop",),
         "winding_heating": ("growth", "time"),
@@ -156,13 +158,14 @@ def _motor(p, u, e, i, y, v, warming):
 
 
 @inline
-def _load(p, u, e, s, i, y, v):
-    """(torque that the load takes at rest, its stiffness, its damping)."""
+def _load(p, u, e, s, i, y, v, reach):
+    """(torque that the load takes at rest, its stiffness, its damping); of what is met from y - reach to y + reach."""
     at, k, c = slopes_of_own_load(y, v, e, s, i)
     sine, cosine = sine_cosine(y - p.hanging_angle[i])
     spring = e.position_dependent_load_stiffness[i]
-    torque = p.weight[i] * sine + spring * (y - e.position_dependent_load_neutral[i]) + at - u.disturbance[i]
-    return torque, maximum(p.weight[i] * cosine, 0.0) + spring + k, c
+    back, rigid, wet = met_push(e, i, y, v, reach)
+    torque = p.weight[i] * sine + spring * (y - e.position_dependent_load_neutral[i]) + at + back - u.disturbance[i]
+    return torque, maximum(p.weight[i] * cosine, 0.0) + spring + k + rigid, c + wet
 
 
 @inline
@@ -186,8 +189,8 @@ def _step(x, p, u, e, s, g, i, dt):
     ripple, steep = wave(
         middle, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i]
     )
-    load, load_k, load_c = _load(p, u, e, s, i, middle, v)
-    dry_friction(e, g, i, v, p.coulomb[i], 0.0)
+    load, load_k, load_c = _load(p, u, e, s, i, middle, v, half * v)
+    dry_friction(e, g, i, v, p.coulomb[i] + met_friction(e, i, middle, half * v), 0.0)
     net = torque + ripple - p.viscous[i] * v
     up, rising = _through(p, e, i, net - g.up[i], load, v)
     down, falling = _through(p, e, i, -net - g.down[i], -load, v)
@@ -212,7 +215,7 @@ def _report(x, p, u, e, s, i):
     y, v = x.position[i], x.velocity[i]
     x.torque[i], _, _, x.current[i], x.duty[i] = _motor(p, u, e, i, y, v, x.warming[i])
     x.voltage[i] = x.duty[i] * p.supply_voltage[i]
-    x.load_torque[i], _, _ = _load(p, u, e, s, i, y, v)
+    x.load_torque[i], _, _ = _load(p, u, e, s, i, y, v, 0.0)
     gain = p.position_gain[i]
     x.held_reference[i] = y + select(gain > 0.0, x.duty[i] / select(gain > 0.0, gain, 1.0), 0.0)
     x.sliding[i], x.release_command[i], x.out_of_range[i] = sign(v), u.second[i], 0.0
@@ -251,7 +254,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     """At rest at ``position`` (rad, [n]), held by the motor alone; the winding is cold."""
     angle = 2.0 * np.pi * position / e.position_ripple_period + e.position_ripple_phase
     spring = e.position_dependent_load_stiffness * (position - e.position_dependent_load_neutral)
-    load = p.weight * np.sin(position - p.hanging_angle) + spring
+    load = p.weight * np.sin(position - p.hanging_angle) + spring + push_at_rest(e, position)
     held = load - e.position_ripple_amplitude * np.sin(angle)
     current = unsaturated(held / p.torque_constant, e.torque_saturation_drop)
     current = np.clip(current, -p.current_limit, p.current_limit)

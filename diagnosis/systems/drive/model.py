@@ -220,7 +220,8 @@ class DriveModel:
             if np.any(ki):
                 effort = effort + held + summing * self._summed(path, out, first, run)
             if np.any(behind):
-                effort = effort - behind * np.gradient(v, self.period, axis=0)
+                with np.errstate(invalid="ignore"):  # of a trial that has run away
+                    effort = effort - behind * np.gradient(v, self.period, axis=0)
             effort = delayed(effort, shown[READ] / self.period)
             signals = {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}
             return self._seen(columns, signals, first)

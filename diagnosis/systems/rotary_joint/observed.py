@@ -31,6 +31,7 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     plant_values,
     recorded_drive,
+    travel_of,
 )
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.drive.model import (
@@ -155,7 +156,7 @@ def _candidates(
 ) -> Candidates:  # fmt: skip
     modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: FREE for f in nominals}
     signals = [c for c in (*_UNITS, "current") if c in recording.channels]
-    travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
+    travel = travel_of(recording, "position")
     found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
     gone = dict.fromkeys(_OF_SUPPLY, f"the motor's {effort} was recorded: what comes before it is not asked")
     gone["sensor_bias.position"] = "it looks the same as the refitted hanging_angle"
