@@ -1,4 +1,4 @@
-"""Beyond a place the load meets something: a stop, tissue, a workpiece. It pushes back or grips, and never pulls."""
+"""Beyond a place the load meets something that pushes back or grips: a stop, tissue, a workpiece."""
 
 import numpy as np
 
@@ -28,8 +28,9 @@ EFFECT = Effect(
         EffectParameter("place", "m", 0.0, -100.0, 100.0, "where it is met", 0.0, 0.0, shape=True),
     ),
     place="place",
-    validity="springs in proportion to the depth. An impact is resolved where the spring's vibration "
-    "turns by less than half a radian in a step of integration, sqrt(stiffness / mass) dt, and keeps its energy to 1 %",
+    validity="springs in proportion to the depth, left more slowly than stiffness / damping, or they would pull. An "
+    "impact is resolved where the spring's vibration turns by less than half a radian in a step of integration, "
+    "sqrt(stiffness / mass) dt, and keeps its energy to 1 %",
     experiment="Approach and leave it slowly, and go on as far beyond it. What is met has no force before, and the "
     "same on the way in and out but for friction",
     confusable=("position_dependent_load", "position_ripple", "stiffness_hardening"),

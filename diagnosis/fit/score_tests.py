@@ -16,16 +16,14 @@ from itertools import pairwise
 import numpy as np
 
 from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.fit.promising import promising
 from cable_envs.diagnosis.fit.refit import Fit
-from cable_envs.diagnosis.model.hypotheses import WAVES as ALL_WAVES
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Model, Whitener, learn_whitener
 
 DRAWS = 2000
 STEP = 1e-3
 """Step of the slopes, from one side, over the parameter's size, or its scale where that is larger."""
-WAVES = 10
-"""Periods of a wave along the position that are probed, of all those that `diagnosis.model.hypotheses` has."""
 ZOOMS = 3
 """Times that a hypothesis is probed nearer to the size that its score suggests."""
 NEAR = 0.6
@@ -122,7 +120,7 @@ def score_tests(
         Scores in the order of the probes.
     """
     probing = _Probing(model, base)
-    probes = [(h, probe) for h in hypotheses for probe in _promising(model, base, h)]
+    probes = [(h, probe) for h in hypotheses for probe in promising(model, base, h)]
     changes = probing.changes([d for _, probe in probes for d in probe])
     free, steps = probing.slopes()
     both = [np.concatenate(pair, axis=1) for pair in zip(changes, free, strict=True)]
@@ -177,32 +175,6 @@ class _Probing:
         free = [p for p in self.model.parameters if p.name in self._base.fit.free]
         moved = {p.name: p.clip(values[p.name] + STEP * max(abs(values[p.name]), p.scale)) for p in free}
         return self.changes([{n: v} for n, v in moved.items()]), {n: v - values[n] for n, v in moved.items()}
-
-
-def _promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[tuple[Mapping[str, float], ...]]:
-    """Probes of a hypothesis; of many waves along the position those that the residual has most of.
-
-    A wave is seen, more or less turned and damped, in the residual along the position itself, which costs no replay.
-    """
-    probes = hypothesis.probes
-    if hypothesis.wave is None or len(probes) <= WAVES:
-        return probes
-    period, _ = hypothesis.wave
-    if not all(len(p) == 2 and period in p[0] for p in probes):
-        return probes
-    longest, powers = max(p[0][period] for p in probes), np.zeros(len(probes))
-    for block, left in zip(model.blocks, base.raw, strict=True):
-        place = next((c.values for c in block.along if c.name == "position"), None)
-        if place is None or np.ptp(place[block.good]) == 0.0:
-            return probes
-        way = (place - np.min(place[block.good])) / np.ptp(place[block.good])
-        white = base.whitener.flat([block], [left])
-        for k, probe in enumerate(probes):
-            at = 2.0 * np.pi * ALL_WAVES[0] * longest / probe[0][period] * way
-            waves = base.whitener.flat([block], [np.column_stack([np.sin(at), np.cos(at)])])
-            basis_, _ = np.linalg.qr(waves)
-            powers[k] += float(np.sum((basis_.T @ white) ** 2))
-    return [probes[k] for k in sorted(np.argsort(powers)[::-1][:WAVES])]
 
 
 def _flat(whitener: Whitener, model: Model, changes: Sequence[np.ndarray]) -> np.ndarray:

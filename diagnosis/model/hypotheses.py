@@ -163,6 +163,11 @@ class Hypothesis:
         period, phase = self.effect.wave
         return f"{self.effect.name}.{period}", f"{self.effect.name}.{phase}"
 
+    @property
+    def place(self) -> str:
+        """Parameter that is a place along the position, of an effect that has one; else empty."""
+        return f"{self.effect.name}.{self.effect.place}" if self.effect and self.effect.place else ""
+
 
 @dataclass(frozen=True)
 class Candidates:
@@ -298,10 +303,10 @@ def _hypothesis(
         free = [_within(f, travel.widest) if f.name == period else f for f in free]
         probes = _waves(next(iter(sizes)), sizes, period, phase, travel.widest)
     if effect.place and travel:
-        place = f"{effect.name}.{effect.place}"
-        free = [_along(f, travel) if f.name == place else f for f in free]
+        row = f"{effect.name}.{effect.place}"
+        free = [_along(f, travel) if f.name == row else f for f in free]
         at = [travel.low + share * (travel.high - travel.low) for share in PLACES]
-        probes = [({**one, place: here},) for (one,) in probes for here in at]
+        probes = [({**one, row: here},) for (one,) in probes for here in at]
     nulls = {row: p.null for row, p in sizes.items()}
     least = max((p.least for p in sizes.values()), default=0.0)
     return Hypothesis(
