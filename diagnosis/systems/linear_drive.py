@@ -24,6 +24,7 @@ from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, Hypothesis,
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
 from cable_envs.diagnosis.model.model import Free
 from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.systems import starts
 from cable_envs.diagnosis.systems.common import (
     augmented_rig,
     free_parameters,
@@ -43,6 +44,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     SOFT,
     DriveModel,
     effort_of,
+    recorded,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.starts import UNSURE
@@ -92,6 +94,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
+    values |= (begun := _begun(recording, plant, values, request, period))
     nominals = [f for f in free_parameters(recording, plant, values, REFITTED, request) if _acts(f.name, recording)]
     # a refit may not do away with a belt that is there: other effects need it
     nominals = [replace(f, low=1e3) if f.name == "belt_stiffness" and f.start > 1e3 else f for f in nominals]
@@ -100,10 +103,11 @@ def prepare(recording: Recording, request: Request) -> Question:
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0
-    if not closed and asks(recording, plant, request):
+    if not closed and not begun and not _said(recording, plant, request):
         raise ConfigurationError(
-            f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
-            "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
+            f"{recording.path}: no controller explains the effort, and the mass of the drive is neither stated nor "
+            "told by the records: a mass that may be anything hides every force. State it, e.g. nominal: {mass: "
+            "{value: 2.5, std: 0.5, unit: kg}}"
         )
     unsure = [f for f in nominals if not closed and f.name in REFITTED and not f.std]
     nominals = [replace(f, std=UNSURE * f.start) if f in unsure else f for f in nominals]
@@ -127,7 +131,9 @@ def prepare(recording: Recording, request: Request) -> Question:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     notes = [how]
     notes += [
-        f"{f.name}: no std is stated, so that it is held within about {UNSURE:.0%} of {f.start:.4g}" for f in unsure
+        f"{f.name}: {'nobody states it, and' if begun else 'no std is stated, so that'} it is held within about "
+        f"{UNSURE:.0%} of {f.start:.4g} {_unit(plant, f.name)}{', which the balance of force tells' if begun else ''}"
+        for f in unsure
     ]
     if not closed and (rate := _forgets(values)) < _SLOW:
         early = 3.0 / max(rate, 1e-3)
@@ -144,9 +150,24 @@ def prepare(recording: Recording, request: Request) -> Question:
 
 
 def asks(recording: Recording, plant: Plant, request: Request) -> tuple[str, ...]:
-    """What a drive without a controller to replay must state and does not."""
+    """What a drive without a controller to replay must state and does not; a recorded force tells its mass."""
+    return () if "force" in recording.channels or _said(recording, plant, request) else ("mass",)
+
+
+def _said(recording: Recording, plant: Plant, request: Request) -> bool:
+    """Whether somebody says what mass is moved."""
     said = {**recording.known, **recording.nominal, **(request.rig or {}), **usual(recording, plant)}
-    return () if recording.rig is not None or "mass" in said else ("mass",)
+    return recording.rig is not None or "mass" in said
+
+
+def _begun(
+    recording: Recording, plant: Plant, values: Mapping[str, float], request: Request, period: float
+) -> dict[str, float]:
+    """A mass that nobody states, as the records to fit tell it."""
+    if _said(recording, plant, request) or effort_of(recording) != "force":
+        return {}
+    series = [recorded(r, period, ["position", "force"])[1] for r in recording.used_for("fit")]
+    return starts.begin(plant, series, values, period, {*recording.known, *recording.nominal})
 
 
 def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:

@@ -7,6 +7,8 @@ from benchmarks.unlike.touch import run
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.model.hypotheses import NO_TRAVEL, PLACES, Travel, hypotheses_for
+from cable_envs.diagnosis.systems.common import Sampled
+from cable_envs.diagnosis.systems.starts import UNSURE, begin
 from cable_envs.plants import plant_for
 
 NAME = "unilateral_contact"
@@ -73,6 +75,20 @@ def recorded(tables, **stated):
     )  # fmt: skip
 
 
+def test_the_balance_of_force_tells_a_mass_beside_what_is_met():
+    """Within 30 %, which is its prior: what is met has a corner that the straight lines between places cut."""
+    for law in (soft, gripping):
+        series = [
+            {name: Sampled(table[name], np.ones(len(table[name]), dtype=bool)) for name in ("position", "force")}
+            for table in pressed(law).values()
+        ]
+        plant, alone, geared = plant_for("linear_drive"), {"motor_mass": 0.0}, {"motor_mass": 0.4}
+        told = begin(plant, series, alone, 0.01)["mass"]
+        assert told == pytest.approx(MASS, rel=UNSURE)
+        assert begin(plant, series, geared, 0.01)["mass"] == pytest.approx(told - 0.4)
+        assert begin(plant, series, alone, 0.01, ["mass"]) == {}
+
+
 def soft(depth, speed):
     return STIFFNESS * max(depth, 0.0) * (1.0 + LOSS * speed), 0.0
 
@@ -100,3 +116,12 @@ def test_a_carriage_that_is_gripped_the_more_the_deeper_it_is():
     # the force is known at samples only, and friction and mass turn by what it did between them: 1 to 3 %
     assert sizes["friction"] == pytest.approx(80.0, rel=0.04) and sizes["place"] == pytest.approx(PLACE, abs=1e-4)
     assert abs(sizes.get("stiffness", 0.0)) < 3.0  # a spring of a thousandth of what the other test has
+
+
+def test_nothing_need_be_stated_of_a_carriage_whose_force_was_recorded():
+    found = diagnose(recorded(pressed(soft)), effects=[NAME, "coulomb_friction"])
+    effects = {e.name: e for e in found.effects}
+    assert set(effects) == {NAME, "coulomb_friction"}
+    assert effects[NAME].parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=0.01)
+    assert found.absorbed["mass"]["after_model"] == pytest.approx(MASS, rel=0.04)
+    assert any("nobody states it" in note and "balance of force" in note for note in found.notes)
