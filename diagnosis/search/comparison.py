@@ -23,6 +23,9 @@ STARTS = 2
 """Starts of each, from its best-scored probes."""
 BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
+PARTS, WORTH = 2, 12.0
+"""Parts of a hypothesis that are refitted, and gain of all of it without which none is: no part gains more, and odds of
+20 to 1 of one effect among twenty take that."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
 OF_BEST, LEAST = 0.05, 6.0
@@ -117,17 +120,24 @@ def compare(
     return _ranked(found, list(scored.best))
 
 
-def in_one_place(model: Model, base: Fit, found: Sequence[Refitted]) -> list[Refitted]:
-    """Refits of effects that may be in several places, in each of them alone (`Hypothesis.parts`).
+def with_some_sizes(model: Model, base: Fit, found: Sequence[Refitted]) -> list[Refitted]:
+    """Refits of effects that have several sizes, with some of them only (`Hypothesis.parts`).
 
-    base: on top of which they are; found: their refits in all places together, with the noise that these leave.
+    base: on top of which they are; found: their refits with all sizes, with the noise that these leave. Of many parts
+    the `PARTS` that are ahead after the first iterations are refitted.
     """
     again = []
-    for one in found:
-        whitener = one.judged.whitener
-        for part in one.hypothesis.parts:
-            free = (*base.free, *(n for n in part.names if n not in base.free))
-            start = Start(part.name, free, {n: one.judged.fit.values[n] for n in free})
+    for one in (one for one in found if one.gain >= WORTH):
+        whitener, values, parts = one.judged.whitener, one.judged.fit.values, one.hypothesis.parts
+        frees = [(*base.free, *(n for n in part.names if n not in base.free)) for part in parts]
+        starts = [Start(part.name, free, {n: values[n] for n in free}) for part, free in zip(parts, frees, strict=True)]
+        if len(parts) > PARTS:
+            looks = look(model, whitener, starts, _FIRST)
+            behind = [at.cost + CHARGE * len(at.free) for at in looks]
+            kept = sorted(range(len(parts)), key=lambda k: behind[k])[:PARTS]
+            parts = tuple(parts[k] for k in kept)
+            starts = [Start(looks[k].label, looks[k].free, looks[k].values) for k in kept]
+        for part, start in zip(parts, starts, strict=True):
             (fit,) = refit(model, whitener, [start], central=False)
             if not bounded(part, fit):
                 judged = Judged(fit, tuple(raw_residuals(model, fit)), whitener, 0.0)

@@ -14,7 +14,7 @@ from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, in_one_place, smaller, unresolved
+from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, smaller, unresolved, with_some_sizes
 from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
@@ -142,7 +142,7 @@ class Refits:
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
                 break
-        found = [*sound[:RIVALS], *in_one_place(self._model, base.fit, sound[:RIVALS])]
+        found = [*sound[:RIVALS], *with_some_sizes(self._model, base.fit, sound[:RIVALS])]
         return [((*effects, c.hypothesis), c.judged.fit.outline) for c in found], scored, stuck
 
     def _scored(self, base: Judged, left: Sequence[Hypothesis]) -> "_Asked":
