@@ -1,7 +1,7 @@
 """Which probes of an effect that lies along the position are worth a replay: those that the residual has most of.
 
 A wave, and what begins at a place, are seen in the residual along the recorded position itself, more or less turned
-and damped. Looking there costs no replay.
+and damped. Looking there costs no replay. What begins at a place is what a spring and friction everywhere are not.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,10 +48,11 @@ def promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[Pr
         if place is None or np.ptp(place[block.good]) == 0.0:
             return probes
         white = base.whitener.flat([block], [left])
+        even = np.empty((len(white), 0)) if hypothesis.wave else base.whitener.flat([block], [_everywhere(place)])
         for key in powers:
-            columns = _wave(block, place, key) if hypothesis.wave else _beyond(block, place, key)
-            basis, _ = np.linalg.qr(base.whitener.flat([block], [columns]))
-            powers[key] += float(np.sum((basis.T @ white) ** 2))
+            columns = _wave(block, place, key) if hypothesis.wave else _beyond(place, key)
+            basis, _ = np.linalg.qr(np.column_stack([even, base.whitener.flat([block], [columns])]))
+            powers[key] += float(np.sum((basis[:, even.shape[1] :].T @ white) ** 2))
     kept = sorted(powers, key=lambda key: -powers[key])[:most]
     return [probe for probe, key in zip(probes, alike, strict=True) if key in kept]
 
@@ -78,7 +79,13 @@ def _wave(block: Block, place: np.ndarray, key: tuple[float, ...]) -> np.ndarray
     return np.column_stack([np.sin(2.0 * np.pi * waves * way), np.cos(2.0 * np.pi * waves * way)])
 
 
-def _beyond(block: Block, place: np.ndarray, key: tuple[float, ...]) -> np.ndarray:
+def _everywhere(place: np.ndarray) -> np.ndarray:
+    """What a constant, a spring, viscous and dry friction are along all of the position [T, 4]."""
+    speed = np.gradient(place)
+    return np.column_stack([np.ones_like(place), place, speed, np.sign(speed)])
+
+
+def _beyond(place: np.ndarray, key: tuple[float, ...]) -> np.ndarray:
     """Depth beyond a place on one side, the same with the direction of motion, and with the speed [T, 3]."""
     at, side = key
     depth = np.maximum(side * (place - at), 0.0)
