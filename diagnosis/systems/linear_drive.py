@@ -85,9 +85,8 @@ _SLOW = 4.0
 def prepare(recording: Recording, request: Request) -> Question:
     """What a drive's recording asks. Raises ConfigurationError where position, an effort or the mass is missing.
 
-    The servo of an observed drive is as stiff as its mass asks, so that its noise is the same whatever the mass is. A
-    refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right): a
-    mass of which nobody says how sure it is has a prior, as what begins by the records has.
+    A force that a model lacks and a wrong mass look alike in an observed drive: a mass of which nobody says how sure it
+    is has a prior, as what begins by the records has.
     """
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     values = values_of(recording, plant, request)
@@ -109,7 +108,7 @@ def prepare(recording: Recording, request: Request) -> Question:
             "told by the records: a mass that may be anything hides every force. State it, e.g. nominal: {mass: "
             "{value: 2.5, std: 0.5, unit: kg}}"
         )
-    unsure = [f for f in nominals if not closed and f.name in REFITTED and not f.std]
+    unsure = [f for f in nominals if f.name in REFITTED and not f.std and (begun or not closed)]
     nominals = [replace(f, std=UNSURE * f.start) if f in unsure else f for f in nominals]
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items() if g or n != GAINS[3]]
     control = control if closed else []

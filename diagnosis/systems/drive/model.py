@@ -238,11 +238,10 @@ class DriveModel:
     def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> tuple[Asked, Seen]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
-        total = self._of(columns, "mass") + self._of(columns, "motor_mass")
         columns = columns.copy()
         columns[self.plant.table.index("actuator_lag.time")] += shown.get(HOLD, 0.0)
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
-        asked, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
+        asked, first = self._followed(columns, *self._servo(run), run, force)
 
         def seen(out: np.ndarray) -> dict[str, np.ndarray]:
             y, v, motor = self._sampled(out, first, run)
@@ -252,6 +251,19 @@ class DriveModel:
             return signals
 
         return asked, seen
+
+    def _servo(self, run: Driven) -> tuple[float, float]:
+        """(stiffness, damping) of our servo, by what moves as it was told.
+
+        It is the same for every mass that is tried: a force that a model lacks moves the simulator by as much whatever
+        the mass is. With a servo as stiff as the mass that is tried a larger one would hide the force.
+        """
+        total = self._moved({**self._given, **run.given})
+        return total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
+
+    def _moved(self, values: Mapping[str, float]) -> float:
+        """All that moves, kg."""
+        return values["mass"] + values["motor_mass"]
 
     def _followed(self, columns, stiff, damping, run: Driven, force) -> tuple[Asked, np.ndarray]:
         """As `_served`, with the recorded force on the motor, and our servo between carriage and recorded place.

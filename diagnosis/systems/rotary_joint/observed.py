@@ -7,8 +7,7 @@ through the winding's resistance, against the back-EMF. Angle and speed are pred
 
 Friction that nobody states is absent, and is found. Gravity is not: what a pendulum of unknown weight pulls is
 refitted. Inertia and weight that nobody states begin where the balance of torque in the records puts them, and the
-inertia is held near it: the servo is as stiff as the inertia asks, so that a refit of a joint that rubs would make it
-so large that friction is nothing.
+inertia is held near it: a torque that a model lacks and a wrong inertia look alike.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,8 +34,6 @@ from cable_envs.diagnosis.systems.common import (
 )
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.drive.model import (
-    DAMPING_RATIO,
-    SOFT,
     DriveModel,
     Driven,
     Seen,
@@ -184,6 +181,7 @@ class JointModel(DriveModel):
         self.substeps, self.effort = 1, effort
         table = plant.table
         self._base = np.array([values[p.name] for p in table])
+        self._given = dict(values)
         self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters)]
         self.channels = [name for name in _UNITS if name in recording.channels]
         self.blocks: list[Block] = []
@@ -216,9 +214,13 @@ class JointModel(DriveModel):
 
     def _pushed(self, channel: str) -> float:
         """Speed of the joint that an impulse of one unit of effort sets."""
-        of = dict(zip(self.plant.table.names, self._base, strict=True))
+        of = self._given
         torque = {"torque": 1.0, "current": of["torque_constant"], "voltage": of["torque_constant"] / of["resistance"]}
-        return torque[self.effort] / (of["inertia"] + of["load_inertia"] + of["load_mass"] * of["arm_length"] ** 2)
+        return torque[self.effort] / self._moved(of)
+
+    def _moved(self, values: Mapping[str, float]) -> float:
+        """All that turns, kg m^2."""
+        return values["inertia"] + values["load_inertia"] + values["load_mass"] * values["arm_length"] ** 2
 
     def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
@@ -234,9 +236,7 @@ class JointModel(DriveModel):
 
     def _joint(self, columns: np.ndarray, run: Driven) -> tuple[Asked, Seen]:
         """What drives a joint, the recorded effort and our servo, and what its sensors show."""
-        arm, mass = self._of(columns, "arm_length"), self._of(columns, "load_mass")
-        total = self._of(columns, "inertia") + self._of(columns, "load_inertia") + mass * arm**2
-        stiff, damping = total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
+        stiff, damping = self._servo(run)
         neutral = self._of(columns, "position_dependent_load.neutral")
         pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
         command, released = np.zeros(len(run.path)), np.ones(len(run.path))
