@@ -165,7 +165,7 @@ class DriveModel:
     def _pushed(self, channel: str) -> float:
         """Speed that an impulse of one unit of effort sets; a motor runs from its carriage as if it were alone."""
         moved = self._given["motor_mass"] + (self._given["mass"] if channel != "motor_position" else 0.0)
-        return (self._given["force_per_volt"] if self.effort == "voltage" else 1.0) / moved
+        return self._told() / moved
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
@@ -241,7 +241,7 @@ class DriveModel:
         columns = columns.copy()
         columns[self.plant.table.index("actuator_lag.time")] += shown.get(HOLD, 0.0)
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
-        asked, first = self._followed(columns, *self._servo(run), run, force)
+        asked, first = self._followed(columns, *self._servo(run, per_volt / scale), run, force)
 
         def seen(out: np.ndarray) -> dict[str, np.ndarray]:
             y, v, motor = self._sampled(out, first, run)
@@ -252,14 +252,20 @@ class DriveModel:
 
         return asked, seen
 
-    def _servo(self, run: Driven) -> tuple[float, float]:
-        """(stiffness, damping) of our servo, by what moves as it was told.
+    def _servo(self, run: Driven, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(stiffness, damping) [n] of our servo; ``gain`` [n]: force for one unit of the recorded effort.
 
-        It is the same for every mass that is tried: a force that a model lacks moves the simulator by as much whatever
-        the mass is. With a servo as stiff as the mass that is tried a larger one would hide the force.
+        What a model lacks moves the simulator by as much as it is of the recorded effort, whatever is tried: the
+        servo is made for the mass that was told, and is as much stiffer as an effort is tried to make more. With one as
+        stiff as the mass that is tried a larger mass would hide a force, and with the same one for every gain an effort
+        that makes next to nothing would.
         """
-        total = self._moved({**self._given, **run.given})
+        total = self._moved({**self._given, **run.given}) * np.abs(gain) / self._told()
         return total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
+
+    def _told(self) -> float:
+        """Force that one unit of the effort makes as it was told."""
+        return self._given["force_per_volt"] if self.effort == "voltage" else 1.0
 
     def _moved(self, values: Mapping[str, float]) -> float:
         """All that moves, kg."""

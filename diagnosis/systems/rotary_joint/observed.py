@@ -10,9 +10,10 @@ refitted. Inertia and weight that nobody states begin where the balance of torqu
 inertia is held near it: a torque that a model lacks and a wrong inertia look alike.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -214,9 +215,16 @@ class JointModel(DriveModel):
 
     def _pushed(self, channel: str) -> float:
         """Speed of the joint that an impulse of one unit of effort sets."""
-        of = self._given
-        torque = {"torque": 1.0, "current": of["torque_constant"], "voltage": of["torque_constant"] / of["resistance"]}
-        return torque[self.effort] / self._moved(of)
+        return self._told() / self._moved(self._given)
+
+    def _gain(self, of: Callable[[str], Any]) -> Any:
+        """Torque for one unit of the effort, by what gives a parameter's values."""
+        if self.effort == "torque":
+            return np.ones_like(of("inertia"))
+        return of("torque_constant") / (of("resistance") if self.effort == "voltage" else 1.0)
+
+    def _told(self) -> float:
+        return float(self._gain(self._given.__getitem__))
 
     def _moved(self, values: Mapping[str, float]) -> float:
         """All that turns, kg m^2."""
@@ -236,7 +244,7 @@ class JointModel(DriveModel):
 
     def _joint(self, columns: np.ndarray, run: Driven) -> tuple[Asked, Seen]:
         """What drives a joint, the recorded effort and our servo, and what its sensors show."""
-        stiff, damping = self._servo(run)
+        stiff, damping = self._servo(run, self._gain(partial(self._of, columns)))
         neutral = self._of(columns, "position_dependent_load.neutral")
         pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
         command, released = np.zeros(len(run.path)), np.ones(len(run.path))
