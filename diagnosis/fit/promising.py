@@ -15,8 +15,8 @@ from cable_envs.diagnosis.model.model import Block, Model
 
 WAVES = 10
 """Periods of a wave along the position that are probed, of all those that `diagnosis.model.hypotheses` has."""
-SIDES = 3
-"""Sides of places that are probed, of all those that it has."""
+BEST = 2
+"""Places that are probed, of all those that it has."""
 Probe = tuple[Mapping[str, float], ...]
 
 
@@ -39,7 +39,7 @@ def promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[Pr
     """
     probes = hypothesis.probes
     alike = _alike(hypothesis)
-    most = WAVES if hypothesis.wave else SIDES
+    most = WAVES if hypothesis.wave else BEST
     if not alike or len(set(alike)) <= most:
         return probes
     powers = dict.fromkeys(alike, 0.0)
@@ -57,37 +57,35 @@ def promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[Pr
     return [probe for probe, key in zip(probes, alike, strict=True) if key in kept]
 
 
-def _alike(hypothesis: Hypothesis) -> list[tuple[float, ...]]:
-    """What each probe looks like along the position: (waves over the travel,), or (place, side); empty: nothing."""
+def _alike(hypothesis: Hypothesis) -> list[float]:
+    """What each probe looks like along the position: its number of waves over the travel, or its place; empty: nothing.
+
+    What is met above a place and what is met below it differ by a spring or friction that is everywhere.
+    """
     probes = hypothesis.probes
     if hypothesis.wave:
         period, _ = hypothesis.wave
         if not all(len(p) == 2 and period in p[0] for p in probes):
             return []
         longest = max(p[0][period] for p in probes)
-        return [(ALL_WAVES[0] * longest / p[0][period],) for p in probes]
-    if hypothesis.place:
-        sides = [sum(p[0][n] - null for n, null in hypothesis.nulls.items() if n in p[0]) for p in probes]
-        return [(p[0][hypothesis.place], float(np.sign(side))) for p, side in zip(probes, sides, strict=True)]
-    return []
+        return [ALL_WAVES[0] * longest / p[0][period] for p in probes]
+    return [p[0][hypothesis.place] for p in probes] if hypothesis.place else []
 
 
-def _wave(block: Block, place: np.ndarray, key: tuple[float, ...]) -> np.ndarray:
+def _wave(block: Block, place: np.ndarray, waves: float) -> np.ndarray:
     """Sine and cosine [T, 2] of a number of waves over the travel."""
-    (waves,) = key
     way = (place - np.min(place[block.good])) / np.ptp(place[block.good])
     return np.column_stack([np.sin(2.0 * np.pi * waves * way), np.cos(2.0 * np.pi * waves * way)])
 
 
 def _everywhere(place: np.ndarray) -> np.ndarray:
-    """What a constant, a spring, viscous and dry friction are along all of the position [T, 4]."""
+    """What a constant and a spring, viscous and dry friction, even or growing, are along all of the position [T, 6]."""
     speed = np.gradient(place)
-    return np.column_stack([np.ones_like(place), place, speed, np.sign(speed)])
+    terms = (np.ones_like(place), speed, np.sign(speed))
+    return np.column_stack([*terms, *(place * one for one in terms)])
 
 
-def _beyond(place: np.ndarray, key: tuple[float, ...]) -> np.ndarray:
-    """Depth beyond a place on one side, the same with the direction of motion, and with the speed [T, 3]."""
-    at, side = key
-    depth = np.maximum(side * (place - at), 0.0)
-    speed = np.gradient(place)
+def _beyond(place: np.ndarray, at: float) -> np.ndarray:
+    """Depth beyond a place, the same with the direction of motion, and with the speed [T, 3]."""
+    depth, speed = np.maximum(place - at, 0.0), np.gradient(place)
     return np.column_stack([depth, depth * np.sign(speed), depth * speed])

@@ -85,15 +85,15 @@ _SLOW = 4.0
 def prepare(recording: Recording, request: Request) -> Question:
     """What a drive's recording asks. Raises ConfigurationError where position, an effort or the mass is missing.
 
-    A force that a model lacks and a wrong mass look alike in an observed drive: a mass of which nobody says how sure it
-    is has a prior, as what begins by the records has.
+    A force that a model lacks and a wrong mass look alike: a mass that the records tell has a prior.
     """
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     values = values_of(recording, plant, request)
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
-    values |= (begun := _begun(recording, plant, values, request, period))
+    told = _told_by(recording, plant, values, period)
+    values |= (begun := {} if _said(recording, plant, request) else told)
     nominals = [f for f in free_parameters(recording, plant, values, REFITTED, request) if _acts(f.name, recording)]
     # a refit may not do away with a belt that is there: other effects need it
     nominals = [replace(f, low=1e3) if f.name == "belt_stiffness" and f.start > 1e3 else f for f in nominals]
@@ -108,7 +108,7 @@ def prepare(recording: Recording, request: Request) -> Question:
             "told by the records: a mass that may be anything hides every force. State it, e.g. nominal: {mass: "
             "{value: 2.5, std: 0.5, unit: kg}}"
         )
-    unsure = [f for f in nominals if f.name in REFITTED and not f.std and (begun or not closed)]
+    unsure = [f for f in nominals if begun and f.name in REFITTED]
     nominals = [replace(f, std=UNSURE * f.start) if f in unsure else f for f in nominals]
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items() if g or n != GAINS[3]]
     control = control if closed else []
@@ -121,7 +121,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
     steps = _substeps(values, period, {h.name for h in candidates.asked})
     made = {
-        use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
+        use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps, told)
         for use in ("fit", "heldout")
     }
     limits = limits_of(recording, request)
@@ -130,8 +130,8 @@ def prepare(recording: Recording, request: Request) -> Question:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     notes = [how]
     notes += [
-        f"{f.name}: {'nobody states it, and' if begun else 'no std is stated, so that'} it is held within about "
-        f"{UNSURE:.0%} of {f.start:.4g} {_unit(plant, f.name)}{', which the balance of force tells' if begun else ''}"
+        f"{f.name}: nobody states it, and it is held within about {UNSURE:.0%} of {f.start:.4g} kg, which the balance "
+        "of force tells"
         for f in unsure
     ]
     if not closed and (rate := _forgets(values)) < _SLOW:
@@ -159,14 +159,10 @@ def _said(recording: Recording, plant: Plant, request: Request) -> bool:
     return recording.rig is not None or "mass" in said
 
 
-def _begun(
-    recording: Recording, plant: Plant, values: Mapping[str, float], request: Request, period: float
-) -> dict[str, float]:
-    """A mass that nobody states, as the records to fit tell it."""
-    if _said(recording, plant, request) or effort_of(recording) != "force":
-        return {}
-    series = [recorded(r, period, ["position", "force"])[1] for r in recording.used_for("fit")]
-    return starts.begin(plant, series, values, period, {*recording.known, *recording.nominal})
+def _told_by(recording: Recording, plant: Plant, values: Mapping[str, float], period: float) -> dict[str, float]:
+    """The mass, as the records to fit tell it; empty where they do not."""
+    series = [recorded(r, period, ["position", effort_of(recording)])[1] for r in recording.used_for("fit")]
+    return starts.begin(plant, series, values, period, {*recording.known, *recording.nominal} - {"mass"})
 
 
 def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:

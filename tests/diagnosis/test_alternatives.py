@@ -139,7 +139,14 @@ def test_what_holds_another_is_named_only_if_what_it_has_beside_that_is_sure(bia
 def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monkeypatch):
     truth = {"stiffness": 15.0}
     small = [replace(h, least=20.0) if h.name == "stiffness_effect" else h for h in HYPOTHESES[:1]]
-    monkeypatch.setattr(Refits, "_against", lambda self, hypothesis, fit: "")  # as if refits had been larger at first
+    asked, judge = [], Refits.against
+
+    def at_first(self, hypothesis, fit):
+        """As if the first refit had been larger."""
+        asked.append(hypothesis)
+        return judge(self, hypothesis, fit) if len(asked) > 1 else ""
+
+    monkeypatch.setattr(Refits, "against", at_first)
     search = Search(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, small, np.random.default_rng(0))
     found = search.run()
     assert not found.best.effects and found.rounds[0].bounded["stiffness_effect"].startswith("it is smaller than 20")

@@ -422,19 +422,21 @@ def _rubbing(folder):
     return folder
 
 
-def test_an_observed_drive_needs_a_mass(tmp_path):
-    """One that may be anything hides every force; with one that is believed the friction is named."""
+def test_an_observed_drive_needs_no_mass_where_its_force_was_recorded(tmp_path):
+    """Friction is most of the force; of a voltage, which may be any force, the mass must be stated."""
     folder = _rubbing(tmp_path / "rubbing")
+    content = yaml.safe_load((folder / "recording.yaml").read_text())
+    for stated in ({}, {"mass": {"value": 2.1, "std": 0.1, "unit": "kg"}}, {"mass": {"value": 2.1, "unit": "kg"}}):
+        (folder / "recording.yaml").write_text(yaml.safe_dump({**content, "nominal": stated} if stated else content))
+        found = diagnose(folder, effects=["coulomb_friction", "position_dependent_load", "backlash"])
+        assert [e.name for e in found.effects] == ["coulomb_friction"]
+        assert found.effects[0].parameters["level"].value == pytest.approx(3.0, rel=0.05)
+    content["channels"]["voltage"] = {**content["channels"].pop("force"), "unit": "V"}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(
-        ConfigurationError, match=r"the mass of the drive is not stated: .* nominal: \{mass: \{value: 2.5"
+        ConfigurationError, match=r"neither stated nor told by the records: .* nominal: \{mass: \{value: 2.5"
     ):
         diagnose(folder)
-    content = yaml.safe_load((folder / "recording.yaml").read_text())
-    content["nominal"] = {"mass": {"value": 2.1, "std": 0.1, "unit": "kg"}}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(content))
-    found = diagnose(folder, effects=["coulomb_friction", "position_dependent_load", "backlash"])
-    assert [e.name for e in found.effects] == ["coulomb_friction"]
-    assert found.effects[0].parameters["level"].value == pytest.approx(3.0, rel=0.05)
 
 
 def test_an_effect_that_costs_little_is_said_to():

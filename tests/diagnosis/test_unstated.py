@@ -112,7 +112,9 @@ def test_systems_that_fit_say_what_they_lack_and_would_assume():
     found = {fit.system: fit for fit in systems_for(Recording.from_arrays("linear_drive", {"a": run}))}
     assert next(iter(found)) == "linear_drive"  # the one that is stated comes first
     drive, hole, circuit_ = found["linear_drive"], found["cable_hole"], found["pulley_circuit"]
-    assert drive.fits and drive.asks == ("mass",)
+    assert drive.fits and drive.asks == ()  # a recorded force tells the mass
+    told_by_volts = Recording.from_arrays("linear_drive", {"a": {"time": T, "position": WAY, "voltage": WAY}})
+    assert systems_for(told_by_volts)[0].asks == ("mass",)
     assert hole.fits and hole.channels == {"drive_position": "position", "drive_tension": "force"}
     assert next(p for p in hole.parameters if p.name == "load_mass").status == "fitted"
     assert not circuit_.fits and circuit_.missing[0] == ("drive_angle_command", "drive_angle")

@@ -85,7 +85,10 @@ Seen = Callable[[np.ndarray], dict[str, np.ndarray]]
 
 
 class DriveModel:
-    """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+    """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table.
+
+    told: numbers that the records tell better than ``values``, for our servo.
+    """
 
     _signals: tuple[str, ...] = ("position", "velocity", "motor_position")
     _moving: tuple[str, ...] = ("velocity", "motor_velocity")
@@ -93,7 +96,7 @@ class DriveModel:
 
     def __init__(
         self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
-        period: float, closed: bool, substeps: int = 2,
+        period: float, closed: bool, substeps: int = 2, told: Mapping[str, float] | None = None,
     ):  # fmt: skip
         self.plant, self.parameters, self.period, self.closed = plant, tuple(parameters), period, closed
         self.substeps = substeps
@@ -102,7 +105,7 @@ class DriveModel:
         self._base = np.array([values[p.name] for p in table])
         self._rows = {p.name: k for k, p in enumerate(self.parameters)}
         self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters) if p.name in table]
-        self._given = dict(values)
+        self._given, self._moves = dict(values), self._moved({**values, **(told or {})})
         wanted = [c for c in ("position", "velocity", self.effort, "motor_position") if c in recording.channels]
         ahead = ("motor_position",) if values["motor_mass"] > 0.0 else ()
         self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity", *ahead)]
@@ -241,7 +244,7 @@ class DriveModel:
         columns = columns.copy()
         columns[self.plant.table.index("actuator_lag.time")] += shown.get(HOLD, 0.0)
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
-        asked, first = self._followed(columns, *self._servo(run, per_volt / scale), run, force)
+        asked, first = self._followed(columns, *self._servo(per_volt / scale), run, force)
 
         def seen(out: np.ndarray) -> dict[str, np.ndarray]:
             y, v, motor = self._sampled(out, first, run)
@@ -252,15 +255,15 @@ class DriveModel:
 
         return asked, seen
 
-    def _servo(self, run: Driven, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _servo(self, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(stiffness, damping) [n] of our servo; ``gain`` [n]: force for one unit of the recorded effort.
 
-        What a model lacks moves the simulator by as much as it is of the recorded effort, whatever is tried: the
-        servo is made for the mass that was told, and is as much stiffer as an effort is tried to make more. With one as
-        stiff as the mass that is tried a larger mass would hide a force, and with the same one for every gain an effort
-        that makes next to nothing would.
+        What a model lacks moves the simulator by as much as it is of the recorded effort, whatever is tried: the servo
+        is made for the mass that the records tell, or that is stated, and is as much stiffer as an effort is tried to
+        make more. With one as stiff as the mass that is tried a larger mass would hide a force, and with the same one
+        for every gain an effort that makes next to nothing would.
         """
-        total = self._moved({**self._given, **run.given}) * np.abs(gain) / self._told()
+        total = self._moves * np.abs(gain) / self._told()
         return total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
 
     def _told(self) -> float:

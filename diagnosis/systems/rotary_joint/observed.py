@@ -182,7 +182,7 @@ class JointModel(DriveModel):
         self.substeps, self.effort = 1, effort
         table = plant.table
         self._base = np.array([values[p.name] for p in table])
-        self._given = dict(values)
+        self._given, self._moves = dict(values), self._moved(values)
         self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters)]
         self.channels = [name for name in _UNITS if name in recording.channels]
         self.blocks: list[Block] = []
@@ -244,7 +244,7 @@ class JointModel(DriveModel):
 
     def _joint(self, columns: np.ndarray, run: Driven) -> tuple[Asked, Seen]:
         """What drives a joint, the recorded effort and our servo, and what its sensors show."""
-        stiff, damping = self._servo(run, self._gain(partial(self._of, columns)))
+        stiff, damping = self._servo(self._gain(partial(self._of, columns)))
         neutral = self._of(columns, "position_dependent_load.neutral")
         pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
         command, released = np.zeros(len(run.path)), np.ones(len(run.path))

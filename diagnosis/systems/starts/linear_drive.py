@@ -21,8 +21,9 @@ _LEAST = 0.05
 def begin(
     series: Sequence[Mapping[str, Sampled]], values: Mapping[str, float], period: float, said: Collection[str]
 ) -> dict[str, float]:
-    """The carriage's mass; see the package. A force is what tells it."""
-    if "force" not in series[0]:
+    """The carriage's mass; see the package. A force is what tells it, or a voltage of which the force is stated."""
+    effort = "force" if "force" in series[0] else "voltage"
+    if effort == "voltage" and "force_per_volt" not in said:
         return {}
     places = np.concatenate([one["position"].values for one in series])
     low, high = float(np.min(places)), float(np.max(places))
@@ -32,8 +33,8 @@ def begin(
         """Lines that are 1 at one knot and 0 at all others; friction that grows along the way."""
         return [*(np.interp(x, knots, one) for one in np.eye(len(knots))), way * (x - low)]
 
-    told = windows.balance(series, period, "force", beside, UNSURE)
+    told = windows.balance(series, period, effort, beside, UNSURE)
     if told is None:
         return {}
-    moved = float(told.found[windows.MASS])
+    moved = float(told.found[windows.MASS]) * (values["force_per_volt"] if effort == "voltage" else 1.0)
     return {"mass": max(moved - values["motor_mass"], _LEAST * moved)}
