@@ -72,7 +72,7 @@ def systems_for(source: Recording | Path | str) -> list[SystemFit]:
     Examples
     --------
     >>> from cable_envs.diagnosis import Recording
-    >>> run = {"time": [0.0, 0.1, 0.2], "position": [0.0, 1.0, 2.0], "force": [1.0, 2.0, 3.0]}
+    >>> run = {"time": [0.0, 0.1, 0.2], "position": [0.0, 1.0, 2.0], "voltage": [1.0, 2.0, 3.0]}
     >>> best = systems_for(Recording.from_arrays("linear_drive", {"up": run}))[0]
     >>> best.system, best.fits, best.asks
     ('linear_drive', True, ('mass',))
