@@ -272,3 +272,27 @@ def test_the_stated_noise_is_not_all_that_a_recorded_force_leaves(tmp_path):
     assert recording.noise["position"] > 0.0
     assert found.verdict == "no_detectable_mismatch"
     assert any("the stated noise is that of the sensors" in note for note in found.notes)
+
+
+def test_the_intervals_of_a_spring_hold_it_over_many_draws_of_the_noise():
+    """The computed cart of `cablebench new recording`, 24 draws: its own draw is 2.0 standard errors off by chance."""
+    t, offs = np.arange(0.0, 8.0, 0.01), []
+    for seed in range(24):
+        rng, tables = np.random.default_rng(seed), {}
+        for name, pace in (("slow", 2.0), ("fast", 3.0)):
+            parts = [(a, w * pace, np.sin(w * pace * t), np.cos(w * pace * t)) for a, w in ((0.02, 1.0), (0.01, 3.1))]
+            x, force = (
+                sum(a * s for a, _, s, _ in parts),
+                sum(a * (12.0 * w * c - 2.5 * w**2 * s) for a, w, s, c in parts),
+            )
+            noisy = x + rng.normal(0.0, 1e-5, len(t)), force + 60.0 * x + rng.normal(0.0, 0.05, len(t))
+            tables[name] = dict(zip(("time", "position", "force"), (t, *noisy), strict=True))
+        recording = Recording.from_arrays(
+            "linear_drive", tables, noise={"position": 1e-5, "force": 0.05}, known={"coulomb": {"value": 0.0}},
+            nominal={"mass": {"value": 2.3, "std": 0.4}, "viscous": {"value": 10.0, "std": 4.0}}, heldout=["fast"],
+        )  # fmt: skip
+        (effect,) = diagnose(recording, effects=["position_dependent_load"]).effects
+        spring = effect.parameters["stiffness"]
+        offs.append((spring.value - 60.0) / ((spring.high - spring.low) / 3.92))
+    assert np.count_nonzero(np.abs(offs) < 1.96) >= 21  # 95 % of 24 are 22.8; fewer than 21 are of 3 % of such tests
+    assert abs(np.mean(offs)) < 2.58 / np.sqrt(24.0)  # no bias, at 1 %
