@@ -134,7 +134,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         "of force tells"
         for f in unsure
     ]
-    if not closed and (rate := _forgets(values)) < _SLOW:
+    if not closed and (rate := _forgets({**values, **told})) < _SLOW:
         early = 3.0 / max(rate, 1e-3)
         notes.append(
             f"what the belt starts with dies out with {rate:.2g} 1/s only where the carriage is held to its recorded "

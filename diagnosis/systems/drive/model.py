@@ -167,8 +167,7 @@ class DriveModel:
 
     def _pushed(self, channel: str) -> float:
         """Speed that an impulse of one unit of effort sets; a motor runs from its carriage as if it were alone."""
-        moved = self._given["motor_mass"] + (self._given["mass"] if channel != "motor_position" else 0.0)
-        return self._told() / moved
+        return self._told() / (self._given["motor_mass"] if channel == "motor_position" else self._moves)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
