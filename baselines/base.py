@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import ParameterTable
-from cable_envs.plants import family_of, plant_for
+from cable_envs.plants import family_of, plant_for, variant_of
 from cable_envs.plants.base import Plant
 from cable_envs.plants.servo import MOTOR
 
@@ -363,5 +363,4 @@ def command_range(plant: str, action_mode: str, rig: Mapping[str, float]) -> tup
 
 def _plant(name: str) -> Plant:
     """A plant by its own name, as "pulley_chain"."""
-    one = family_of(name)
-    return next(made for variant in one.variants if (made := plant_for(one.name, variant)).name == name)
+    return plant_for(family_of(name).name, variant_of(name))

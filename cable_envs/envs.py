@@ -169,8 +169,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | effect_file    | path or Effect       | none        | an effect of one's own                                 |
     |                |                      |             | (`cable_envs.plants.own_effects`)                      |
     | version        | str                  | that of id  | "v0" or "v1": whose numbers the plant gives            |
-    | plant          | str                  | "analytic"  | "chain" simulates the pulley circuit as a chain of     |
-    |                |                      |             | spans and contacts                                     |
+    | plant          | str                  | of the rig  | "chain" simulates the pulley circuit as a chain of     |
+    |                |                      |             | spans and contacts, "analytic" in closed form; where a |
+    |                |                      |             | rig says nothing, in closed form                       |
     | action_mode    | str                  | of the task | one of the action modes above                          |
     | observe        | str                  | of the task | "drive", "output" or "full"; by default "drive" for    |
     |                |                      |             | the circuit and "output" for the others                |

@@ -51,7 +51,7 @@ def request_of(
         return Request(only, tuple(without), own, variant=variant)
     loaded = load_rig(rig, own)
     values = _values_of(recording, rig, loaded)
-    return Request(only, tuple(without), own, values, variant, loaded.contacts)
+    return Request(only, tuple(without), own, values, variant or loaded.variant, loaded.contacts)
 
 
 def name_of(rig: Path | str | Rig | Mapping[str, Any] | None) -> str | None:

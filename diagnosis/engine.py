@@ -96,7 +96,8 @@ def diagnose(
         A rig (augmented.yaml) whose values and effects replace those of the recording; a mapping is the content of
         such a file, as in the field ``rig`` of an earlier answer.
     variant : str
-        "analytic" or "chain": the form of a circuit that is held against it; "": the chain.
+        "analytic" or "chain": the form of a circuit that is held against it; "": as its rig says, else
+        the chain.
     simulator : Simulator, optional
         One of your own (`cable_envs.diagnosis.simulators`), for a recording of system "own": effects are looked for at
         the ports that it declares.

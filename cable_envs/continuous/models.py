@@ -23,9 +23,7 @@ from cable_envs.plants.continuous import Rows
 from cable_envs.sim.rigs import Rig, load_rig
 
 
-def model(
-    rig: str | Path | Mapping[str, Any] | Rig, action_mode: str | None = None, variant: str = "analytic"
-) -> "Model":
+def model(rig: str | Path | Mapping[str, Any] | Rig, action_mode: str | None = None, variant: str = "") -> "Model":
     """The equations of motion of a rig.
 
     Parameters
@@ -35,7 +33,7 @@ def model(
     action_mode : str, optional
         What the drive is told; by default the first action mode of the plant.
     variant : str
-        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts.
+        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts; "": the rig's own.
 
     Returns
     -------
@@ -99,7 +97,7 @@ class Model:
         The first of them: place of the state that dry friction can hold at zero; -1 where there is none.
     """
 
-    def __init__(self, rig: Rig, action_mode: str | None = None, variant: str = "analytic"):
+    def __init__(self, rig: Rig, action_mode: str | None = None, variant: str = ""):
         self.rig = rig
         self.plant = rig.simulated_by(variant)
         mode = _mode(self.plant, action_mode)

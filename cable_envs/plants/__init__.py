@@ -5,6 +5,7 @@ from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
+from typing import NamedTuple
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.effects import Effect
@@ -139,11 +140,19 @@ def _built_of(found: Family, variant: str, holes: int, contacts: int) -> Plant:
     return found.with_contacts(contacts)
 
 
+class _Built(NamedTuple):
+    """A plant with what it was built of."""
+
+    family: Family
+    variant: str
+    plant: Plant
+
+
 @cache
-def _built() -> Mapping[str, tuple[Family, Plant]]:
-    """Every plant by its own name, with its family."""
-    made = ((one, one.build(variant, 1)) for one in families().values() for variant in one.variants)
-    return {plant.name: (one, plant) for one, plant in made}
+def _built() -> Mapping[str, _Built]:
+    """Every plant by its own name."""
+    made = (_Built(one, form, one.build(form, 1)) for one in families().values() for form in one.variants)
+    return {one.plant.name: one for one in made}
 
 
 def plants_with(effect: str) -> tuple[str, ...]:
@@ -164,7 +173,7 @@ def plants_with(effect: str) -> tuple[str, ...]:
     >>> plants_with("lateral_extrusion")
     ('cable_hole',)
     """
-    has = {name: plant.effects.effects.get(effect) for name, (_, plant) in _built().items()}
+    has = {name: plant.effects.effects.get(effect) for name, (*_, plant) in _built().items()}
     return tuple(name for name, one in has.items() if one is not None and one.parameters)
 
 
@@ -181,7 +190,7 @@ def forms_of(effect: str) -> Mapping[str, Effect]:
     mapping of str to Effect
         Its form there by the name of the plant.
     """
-    forms = {name: plant.effects.acting.forms for name, (_, plant) in _built().items()}
+    forms = {name: plant.effects.acting.forms for name, (*_, plant) in _built().items()}
     return {name: one for name, own in forms.items() for one in own if one.name == effect}
 
 
@@ -208,9 +217,39 @@ def family_of(plant: str) -> Family:
     >>> family_of("pulley_chain").name
     'pulley_circuit'
     """
+    return _found(plant).family
+
+
+def variant_of(plant: str) -> str:
+    """Which of its family's variants a plant is.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+
+    Returns
+    -------
+    str
+        As `plant_for` takes it.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such plant, with the nearest name.
+
+    Examples
+    --------
+    >>> variant_of("pulley_chain"), variant_of("cable_hole")
+    ('chain', 'analytic')
+    """
+    return _found(plant).variant
+
+
+def _found(plant: str) -> _Built:
     if plant not in _built():
         raise ConfigurationError(f"unknown plant '{plant}'; {nearest(plant, _built())}")
-    return _built()[plant][0]
+    return _built()[plant]
 
 
 def title_of(tasks: str) -> str:

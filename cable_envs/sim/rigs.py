@@ -3,7 +3,8 @@
 ```yaml
 schema: cable-rig/1
 name: gu-inferred
-plant: cable_hole            # or pulley_circuit (serves the chain too)
+plant: cable_hole            # a family of plants
+variant: chain               # pulley_circuit only: which of its simulators the numbers are of
 extends: other-rig           # a preset whose parameters hold where this file gives none
 holes: 1                     # cable_hole only
 contacts: 20                 # tendon_sheath only: at how many places the tendon rubs; without it all together
@@ -29,7 +30,7 @@ from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import Parameter
 from cable_envs.effects import Effect, dotted
-from cable_envs.plants import VERSIONS, plant_for
+from cable_envs.plants import VERSIONS, family, plant_for
 from cable_envs.plants.base import OUT_OF_RANGE, Plant
 from cable_envs.plants.own_effects import with_own_effects
 
@@ -38,6 +39,7 @@ _KEYS = (
     "schema",
     "name",
     "plant",
+    "variant",
     "extends",
     "holes",
     "contacts",
@@ -76,6 +78,8 @@ class Rig:
         What moves the cable: "ideal" or "motor" (`cable_envs.plants.servo`).
     contacts : int
         At how many places a sheath rubs; 0: its friction is taken all together.
+    variant : str
+        Which simulator of its family the numbers are of, as "chain"; "": nobody says.
     valid : mapping of str to (float, float)
         Range of a signal of the plant, SI, that the parameters are from, where that is known. Beyond it a simulation
         goes on, and the info of an environment says ``out_of_range``. The sources are among ``sources``.
@@ -98,6 +102,7 @@ class Rig:
     valid: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     drive: str = "ideal"
     contacts: int = 0
+    variant: str = ""
 
     def content(self) -> dict[str, Any]:
         """The rig as the content of a rig file.
@@ -124,8 +129,9 @@ class Rig:
             effect, parameter = name.split(".", 1)
             effects.setdefault(effect, {})[parameter] = value
         spread = {"contacts": self.contacts} if self.contacts else {}
+        form = {"variant": self.variant} if self.variant else {}
         return {
-            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes, **spread,
+            "schema": SCHEMA, "name": self.name, "plant": self.plant, **form, "holes": self.holes, **spread,
             "drive": self.drive, "description": self.description, "parameters": parameters, "valid": valid,
             "effects": effects,
         }  # fmt: skip
@@ -176,13 +182,14 @@ class Rig:
         given = {name: value for name, value in self.effects.items() if name in plant.table}
         return plant.table.pack({**self.values, **given})[:, None]
 
-    def simulated_by(self, variant: str = "analytic", version: str = VERSIONS[-1]) -> Plant:
+    def simulated_by(self, variant: str = "", version: str = VERSIONS[-1]) -> Plant:
         """The plant that simulates this rig.
 
         Parameters
         ----------
         variant : str
-            "analytic", or "chain" for the pulley circuit as a chain of spans and contacts.
+            "analytic", or "chain" for the pulley circuit as a chain of spans and contacts; "": the rig's own, and where
+            it says none the first of its family.
         version : str
             Version of the ids whose numbers it gives (`cable_envs.plants.plant_for`).
 
@@ -196,7 +203,8 @@ class Rig:
         ConfigurationError
             For an unknown variant or version, and for own effects that do not act on the plant.
         """
-        plant = plant_for(self.plant, variant, self.holes, version, self.drive, self.contacts)
+        form = variant or self.variant or family(self.plant).variants[0]
+        plant = plant_for(self.plant, form, self.holes, version, self.drive, self.contacts)
         return with_own_effects(plant, self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
@@ -275,7 +283,11 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     data = _extended(data, origin)
     holes, contacts = _number("holes", data, 1, origin), _number("contacts", data, 0, origin)
     drive = str(data.get("drive", "ideal"))
-    plant = plant_for(str(data.get("plant")), "analytic", holes, drive=drive, contacts=contacts)
+    told = family(str(data.get("plant")))
+    variant = "" if data.get("variant") is None else str(data["variant"])
+    if variant:
+        require_known(f"variant of {told.name} in {origin}", [variant], told.variants)
+    plant = plant_for(told.name, variant or told.variants[0], holes, drive=drive, contacts=contacts)
     given = data.get("parameters") or {}
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"{origin}: 'parameters' must be a mapping of name: {{value, unit, source}}")
@@ -287,7 +299,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     name, description = str(data.get("name", origin)), str(data.get("description", ""))
     valid = _valid(data.get("valid") or {}, plant, origin)
     sources |= {n: str(item["source"]) for n, item in (data.get("valid") or {}).items() if "source" in item}
-    rig = Rig(name, plant.name, holes, values, sources, description, {}, own, valid, drive, contacts)
+    rig = Rig(name, told.name, holes, values, sources, description, {}, own, valid, drive, contacts, variant)
     effects = data.get("effects") or {}
     if not isinstance(effects, Mapping):
         raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")

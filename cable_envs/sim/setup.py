@@ -221,7 +221,7 @@ def make_setup(
         if not isinstance(o["effects"], Mapping):
             raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
         chosen = chosen.replace(dict(dotted(o["effects"])))
-    simulator = chosen.simulated_by(o["plant"], version)
+    simulator = chosen.simulated_by(o["plant"] or "", version)
     mode = _choose_mode(simulator, o["action_mode"] or declared.action_mode)
     observed = o["observe"] or declared.observe
     if observed not in LEVELS:

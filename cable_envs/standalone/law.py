@@ -225,7 +225,7 @@ class Law:
 
 
 def law_of(
-    rig: str | Path | Mapping[str, Any] | Rig, *, variant: str = "analytic", drive: str | None = None,
+    rig: str | Path | Mapping[str, Any] | Rig, *, variant: str = "", drive: str | None = None,
     period: float = PERIOD, substeps: int | None = None, start: float = 0.0, name: str = "",
 ) -> Law:  # fmt: skip
     """A rig as it is exported.
@@ -235,7 +235,7 @@ def law_of(
     rig : str, path, mapping or Rig
         What names or holds it, as in `cable_envs.load_rig`.
     variant : str
-        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts.
+        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts; "": the rig's own.
     drive : str, optional
         What it is told: an action mode of the plant, or "follow" for a path of the drive. By default the first action
         mode, or "follow" where the plant has none.

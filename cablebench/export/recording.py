@@ -21,7 +21,7 @@ from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.files import require_writable
 from cable_envs.diagnosis.data.description import channels_of, parameters_of
 from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, move, rig_entry, staging, undo
-from cable_envs.plants import family
+from cable_envs.plants import family, variant_of
 from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
@@ -79,7 +79,8 @@ def write_recording(
         files[name] = _csv(columns).encode() if table == "csv" else _parquet(columns)
         records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
     stated = setup.rig if believed is None else believed
-    rig, rig_file = rig_entry(replace(stated, effects={}, own=()))  # what it has more is not told
+    form = variant_of(setup.plant.name) if len(family(setup.rig.plant).variants) > 1 else ""
+    rig, rig_file = rig_entry(replace(stated, effects={}, own=(), variant=form))  # what it has more is not told
     if rig_file is not None:
         files[rig] = rig_file.encode()
     system = setup.rig.plant

@@ -164,9 +164,8 @@ def rig_entry(rig: Rig) -> tuple[str, str | None]:
         preset = load_rig(rig.name)
     except ConfigurationError:
         preset = None
-    if preset is not None and (preset.values, preset.plant, preset.holes, preset.contacts, preset.effects) == (
-        rig.values, rig.plant, rig.holes, rig.contacts, rig.effects,
-    ):  # fmt: skip
+    told = ("plant", "variant", "holes", "contacts", "drive", "values", "effects")
+    if preset is not None and all(getattr(preset, key) == getattr(rig, key) for key in told):
         return rig.name, None
     parameters = {}
     for p in rig.simulated_by().parameters:
@@ -176,8 +175,8 @@ def rig_entry(rig: Rig) -> tuple[str, str | None]:
     content: dict[str, Any] = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
     if family(rig.plant).series:
         content["holes"] = rig.holes
-    if rig.contacts:
-        content["contacts"] = rig.contacts
+    usual = {"variant": "", "contacts": 0, "drive": "ideal"}
+    content |= {key: getattr(rig, key) for key, none in usual.items() if getattr(rig, key) != none}
     if rig.effects:
         content["effects"] = {name: float(value) for name, value in rig.effects.items()}
     return RIG_FILE, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)

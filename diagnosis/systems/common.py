@@ -17,6 +17,7 @@ from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, H
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
+from cable_envs.plants import family_of, variant_of
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
 
@@ -358,10 +359,12 @@ def augmented_rig(
         if there and (value != table[key].default or not effect.startswith("sensor_")):
             p = table[key]
             effects.setdefault(effect, {})[parameter] = {"value": min(max(value, p.low), p.high), "unit": p.unit}
+    told = family_of(plant.name)
     found: dict[str, Any] = {
-        "schema": RIG_SCHEMA, "name": name, "plant": plant.name.replace("pulley_chain", "pulley_circuit"),
-        "parameters": parameters,
+        "schema": RIG_SCHEMA, "name": name, "plant": told.name, "parameters": parameters,
     }  # fmt: skip
+    if len(told.variants) > 1:
+        found["variant"] = variant_of(plant.name)
     if plant.contacts:
         found["contacts"] = plant.contacts
     return found | ({"effects": effects} if effects else {})

@@ -76,12 +76,13 @@ PRETENSIONS = ("pretension_top", "pretension_bottom")
 
 
 def simulator(recording: Recording, request: Request) -> Plant:
-    """The plant that simulates a recording: the chain, unless ``request.variant`` is another."""
-    return with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
+    """The plant that simulates a recording: what is asked for, else what its rig says, else the chain."""
+    told = recording.rig.variant if recording.rig is not None else ""
+    return with_own_effects(plant_for("pulley_circuit", request.variant or told or VARIANT), request.own)
 
 
 def prepare(recording: Recording, request: Request) -> Question:
-    """What a pulley-circuit recording asks of the plant's chain, or of its closed form (``request.variant``).
+    """What a pulley-circuit recording asks of the plant's chain, or of its closed form (`simulator`).
 
     Raises ConfigurationError where neither the drive's angle nor its command, or no answer of it, was recorded.
     """

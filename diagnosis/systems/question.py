@@ -23,7 +23,8 @@ class Request:
     rig : Mapping of str to float, optional
         Values and effects of a rig file that replace those of the recording (an augmented rig), SI.
     variant : str
-        "analytic" or "chain": which form of a circuit is held against the recording; "": the chain.
+        "analytic" or "chain": which form of a circuit is held against the recording; "": as its rig says, else
+        the chain.
     contacts : int, optional
         At how many places the simulator rubs, where ``rig`` is of a plant that says it; None: as the recording has it.
     simulator : Simulator, optional

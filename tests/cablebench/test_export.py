@@ -10,7 +10,9 @@ import pytest
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.description import parameters_of
 from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.systems import prepare
 from cable_envs.plants import families, family
+from cable_envs.sim.rigs import load_rig
 from cablebench.cli import main
 from cablebench.entrants.entrant import controller_entrant
 from cablebench.export.recording import check_split, write_recording
@@ -358,3 +360,22 @@ def test_a_folder_that_cannot_be_written_is_an_error(capsys, tmp_path):
         arguments = ("--format", form, "--out", tmp_path / "file" / "x", "--episodes", 1, "-o", "duration=0.1")
         code, _, err = run(capsys, "export", H, "--random", *arguments)
         assert code == 2 and err.startswith("cablebench: error: cannot write to") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("form", ["analytic", "chain"])
+def test_a_circuits_recording_says_which_of_its_simulators_made_it(tmp_path, make, form):
+    env, full = make(CIRCUIT, plant=form), make(CIRCUIT, plant=form, observe="full")
+    write_recording(record(env, random_entrant(), (0,)), full, random_entrant(), tmp_path)
+    rig = load_recording(tmp_path).rig
+    assert rig.variant == form and rig.simulated_by().name == env.unwrapped.setup.plant.name
+    assert make(CIRCUIT, rig=rig.content()).unwrapped.setup.plant.name == rig.simulated_by().name
+    assert prepare(load_recording(tmp_path)).fit.plant.name == rig.simulated_by().name
+
+
+def test_a_changed_rig_with_a_motor_travels_along_with_it(tmp_path, make):
+    changes = {"rig": load_rig("zou-table2-motor").replace({"pretension_top": 45.0})}
+    circuit = CIRCUIT.replace("v0", "v1")
+    env, full = make(circuit, **changes), make(circuit, observe="full", **changes)
+    write_recording(record(env, random_entrant(), (0,)), full, random_entrant(), tmp_path)
+    rig = load_recording(tmp_path).rig
+    assert rig.drive == "motor" and dict(rig.values) == dict(changes["rig"].values)

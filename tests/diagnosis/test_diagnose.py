@@ -369,7 +369,7 @@ def test_an_effect_of_the_environment_is_found_in_its_episodes(tmp_path):
     folder = _played(tmp_path / "circuit", "PulleyCircuit-Position-Sine", options, "feedforward-pid-tuned")
     recording = load_recording(folder)
     assert "actuator_lag.time = 0.01" in recording.description  # told to people; the rig's entry does not have it
-    found = diagnose(recording, effects=["sensor_delay", "actuator_lag", "cable_elongation"], variant="analytic")
+    found = diagnose(recording, effects=["sensor_delay", "actuator_lag", "cable_elongation"])
     (effect,) = found.effects
     assert (found.verdict, effect.name) == ("named", "actuator_lag")
     time = effect.parameters["time"]

@@ -102,3 +102,14 @@ def test_unknown_and_broken_files(tmp_path):
     broken.write_text("- 1\n- 2\n")
     with pytest.raises(ConfigurationError, match="expected a mapping"):
         load_rig(broken)
+
+
+def test_a_rig_says_which_simulator_its_numbers_are_of(tmp_path):
+    told = load_rig({"plant": "pulley_circuit", "variant": "chain"})
+    assert told.simulated_by().name == "pulley_chain" and told.simulated_by("analytic").name == "pulley_circuit"
+    assert load_rig(told.content()) == told and told.replace({"pretension_top": 30.0}).variant == "chain"
+    assert load_rig("zou-table2").simulated_by().name == "pulley_circuit"
+    with pytest.raises(ConfigurationError, match="variant of pulley_circuit in rig 'chian'; did you mean 'chain'"):
+        load_rig({"plant": "pulley_circuit", "variant": "chian"})
+    with pytest.raises(ConfigurationError, match="variant of cable_hole in rig 'chain'"):
+        load_rig({"plant": "cable_hole", "variant": "chain"})

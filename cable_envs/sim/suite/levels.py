@@ -40,12 +40,12 @@ SENSORS = ("rig", "ideal")
 
 
 USUAL: Mapping[str, Any] = {
-    "reference": None, "rig": None, "effects": None, "plant": "analytic", "action_mode": None, "observe": None,
+    "reference": None, "rig": None, "effects": None, "plant": None, "action_mode": None, "observe": None,
     "randomize": False, "sensor_noise": False, "sensor_delay": 0, "action_delay": 0, "disturbance": None,
     "posture": None, "control_period": None, "substeps": None, "duration": None,
 }  # fmt: skip
-"""Options that a level may give, as they are where neither it nor the caller says otherwise; None: what the task says,
-or nothing."""
+"""Options that a level may give, as they are where neither it nor the caller says otherwise; None: what the task or
+the rig says, or nothing."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,10 @@ def diagnose(
         Path | None, typer.Option(help="A rig file whose numbers and effects replace the recording's.")
     ] = None,
     variant: Annotated[
-        str, typer.Option(help="Model of a circuit: chain (default), or analytic, the closed form.")
+        str,
+        typer.Option(
+            help="Model of a circuit: chain, or analytic, the closed form; default as its rig says, else chain."
+        ),
     ] = "",
     simulator: Annotated[
         str | None,

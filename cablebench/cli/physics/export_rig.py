@@ -15,7 +15,9 @@ def export_rig(
     drive: Annotated[
         str | None, typer.Option(help="What the rig is told: an action mode, or follow; default its first mode.")
     ] = None,
-    variant: Annotated[str, typer.Option(help="analytic, or chain: a circuit of spans and contacts.")] = "analytic",
+    variant: Annotated[
+        str, typer.Option(help="analytic, or chain: a circuit of spans and contacts; default as the rig says.")
+    ] = "",
     period: Annotated[float, typer.Option(help="Control step, s: how long a command holds.")] = 0.01,
     substeps: Annotated[
         int | None, typer.Option(help="Integration steps in it; default 20, or as many as the rig needs.")
