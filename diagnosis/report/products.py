@@ -283,7 +283,8 @@ def _product(
     ]
     widths = np.abs(rounded) * np.array([b - a for a, b in alone])
     single = np.array([b - a for a, b in alone])
-    if high - low > CLOSER * float(np.min(widths)) or float(np.min(single)) < 2.0 * NORMAL_95 * OPEN:
+    widest = 2.0 * NORMAL_95 * FARTHEST  # as far as the profiles tell
+    if high - low > min(CLOSER * float(np.min(widths)), widest) or float(np.min(single)) < 2.0 * NORMAL_95 * OPEN:
         return None
     order = sorted(range(len(own)), key=lambda j: (-abs(rounded[j]), -rounded[j]))
     signs = np.sign(sizes.away[own])

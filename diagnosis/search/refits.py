@@ -68,12 +68,14 @@ class Refits:
         return Judged(fit, tuple(raw_residuals(self._model, fit)), whitener, 0.0)
 
     def of(self, best: Candidate, sure: float = np.inf) -> Judged:
-        """A model to go on from; refitted from about where it is, too, with several effects or where more is left.
+        """A model to go on from; refitted from about where it is, too, where it may have come to another valley.
+
+        It may have with several effects, where more is left, and where an effect has a place.
 
         sure: log odds from which it counts that more is left.
         """
         whitener, fit = best.frame.whitener, best.fit
-        if len(best.effects) >= SEVERAL or best.left >= sure:
+        if len(best.effects) >= SEVERAL or best.left >= sure or any(h.place for h in best.effects):
             names = [n for h in best.effects for n in h.names]
             fit = self._keep("starts", partial(from_about, self._model, whitener, fit, names))
         return self.judged(fit, whitener)

@@ -25,6 +25,8 @@ _OF_LIBRARY = ("actuator_lag", "backlash", "command_delay")
 _SENSED = ("sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification")
 _LIMITS = (0.5, 0.7, 0.85, 0.97)
 """Probed limits of a command over its largest size."""
+_STOPS = (0.3, 3.0, 30.0)
+"""Probed stiffnesses of what is met over a typical spring's: a soft body, and a stop."""
 NO_PORT = "the simulator declares no port at which a force can be added"
 NO_PLACE = "the port declares no position"
 NO_SUPPLY = "no full command is declared"
@@ -148,7 +150,15 @@ def _forces(declaration: Declaration, port: ForcePort, sizes: Sizes) -> list[Eff
         }
     of = layout(declaration.turns(port)).effects
     names = [n for n in (*ACTING, *(form.name for form in FORMS)) if port.position or n not in OF_PLACE]
-    return [_placed(_sized(of[name], typical), port.name) for name in names]
+    return [_placed(_stiff(_sized(of[name], typical)), port.name) for name in names]
+
+
+def _stiff(effect: Effect) -> Effect:
+    """What is met is looked for soft and hard: nothing holds the simulator to its record, and much lies between."""
+    if effect.name != "unilateral_contact":
+        return effect
+    own = (replace(p, probes=_STOPS) if p.name == "stiffness" else p for p in effect.parameters)
+    return replace(effect, parameters=tuple(own))
 
 
 def _both(size: float) -> tuple[float, float]:

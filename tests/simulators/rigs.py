@@ -181,13 +181,13 @@ def pendulum_records(
 def cart_records(
     seed=0, seconds=8.0, noise=1e-4, mass=2.0, damping=1.2, scale=1.0, spring=0.0, met=(0.0, 0.0), **concealed
 ):
-    """The same of a cart, with its velocity; ``met``: stiffness and place of a spring that it meets going down."""
+    """The same of a cart, with its velocity; ``met``: stiffness and place of a spring that it meets going up."""
     rng, time, runs = np.random.default_rng(seed), np.arange(round(seconds / PERIOD) + 1) * PERIOD, {}
     for run, (size, slow, fast) in {"one": (10.0, 0.3, 2.0), "two": (6.0, 0.2, 1.0), "other": (8.0, 0.25, 1.5)}.items():
         command = chirp(time, size, slow, fast, 0.5 * np.pi)
 
         def faster(x, v, force):
-            return (force - damping * v - spring * x + met[0] * max(met[1] - x, 0.0)) / mass
+            return (force - damping * v - spring * x - met[0] * max(x - met[1], 0.0)) / mass
 
         position, velocity = real(time, command, faster, inertia=mass, **concealed)
         runs[run] = {
