@@ -7,6 +7,7 @@ TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
 ROW = re.compile(r"<tr>.*?</tr>", re.DOTALL)
 CELL = re.compile(r"<(t[hd])((?: [^>]*)?)>(.*?)</\1>", re.DOTALL)
 CODE = re.compile(r"<code>([^<]*)</code>")
+WORD = re.compile(r"\S+")
 INTERVAL = re.compile(r"\[[-+−]?[\d.]+, [-+−]?[\d.]+\](?=[^>]*(?:<|$))")
 """In the text of a cell."""
 LINES, LEAST, MOST = 4, 9, 30
@@ -16,7 +17,7 @@ UNBROKEN = 28
 
 
 def readable(text: str) -> str:
-    """A page whose columns of prose are not squeezed to a word a line; ``--options`` and intervals stay whole.
+    r"""A page whose columns of prose are not squeezed to a word a line; ``--options`` and intervals stay whole.
 
     A table that is then wider than the page scrolls in its own box.
 
@@ -24,6 +25,8 @@ def readable(text: str) -> str:
     --------
     >>> readable("<p><code>run --seed 3</code></p>")
     '<p><code>run <span class="whole">--seed</span> 3</code></p>'
+    >>> readable("<pre><code>run --check\nlook</code></pre>")  # lines of commands stay lines
+    '<pre><code>run <span class="whole">--check</span>\nlook</code></pre>'
     >>> readable("<table><tr><td>0.6 [-0.5, 0.7]</td></tr></table>")
     '<table><tr><td>0.6 <span class="whole">[-0.5, 0.7]</span></td></tr></table>'
     """
@@ -31,8 +34,10 @@ def readable(text: str) -> str:
 
 
 def _whole(found: re.Match[str]) -> str:
-    words = [f'<span class="whole">{w}</span>' if "-" in w and len(w) <= UNBROKEN else w for w in found[1].split(" ")]
-    return f"<code>{' '.join(words)}</code>"
+    def kept(word: re.Match[str]) -> str:
+        return f'<span class="whole">{word[0]}</span>' if "-" in word[0] and len(word[0]) <= UNBROKEN else word[0]
+
+    return f"<code>{WORD.sub(kept, found[1])}</code>"
 
 
 def _widened(table: str) -> str:
