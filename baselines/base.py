@@ -363,4 +363,5 @@ def command_range(plant: str, action_mode: str, rig: Mapping[str, float]) -> tup
 
 def _plant(name: str) -> Plant:
     """A plant by its own name, as "pulley_chain"."""
-    return plant_for(family_of(name).name, variant_of(name))
+    one = family_of(name)
+    return plant_for(one.name, variant_of(name) or one.variants[0])

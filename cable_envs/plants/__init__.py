@@ -231,7 +231,7 @@ def variant_of(plant: str) -> str:
     Returns
     -------
     str
-        As `plant_for` takes it.
+        As a rig file has it; "" where its family has only one.
 
     Raises
     ------
@@ -241,9 +241,10 @@ def variant_of(plant: str) -> str:
     Examples
     --------
     >>> variant_of("pulley_chain"), variant_of("cable_hole")
-    ('chain', 'analytic')
+    ('chain', '')
     """
-    return _found(plant).variant
+    found = _found(plant)
+    return found.variant if len(found.family.variants) > 1 else ""
 
 
 def _found(plant: str) -> _Built:

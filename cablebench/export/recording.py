@@ -79,8 +79,8 @@ def write_recording(
         files[name] = _csv(columns).encode() if table == "csv" else _parquet(columns)
         records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
     stated = setup.rig if believed is None else believed
-    form = variant_of(setup.plant.name) if len(family(setup.rig.plant).variants) > 1 else ""
-    rig, rig_file = rig_entry(replace(stated, effects={}, own=(), variant=form))  # what it has more is not told
+    plain = replace(stated, effects={}, own=(), variant=variant_of(setup.plant.name))  # what it has more is not told
+    rig, rig_file = rig_entry(plain)
     if rig_file is not None:
         files[rig] = rig_file.encode()
     system = setup.rig.plant

@@ -359,12 +359,11 @@ def augmented_rig(
         if there and (value != table[key].default or not effect.startswith("sensor_")):
             p = table[key]
             effects.setdefault(effect, {})[parameter] = {"value": min(max(value, p.low), p.high), "unit": p.unit}
-    told = family_of(plant.name)
     found: dict[str, Any] = {
-        "schema": RIG_SCHEMA, "name": name, "plant": told.name, "parameters": parameters,
+        "schema": RIG_SCHEMA, "name": name, "plant": family_of(plant.name).name, "parameters": parameters,
     }  # fmt: skip
-    if len(told.variants) > 1:
-        found["variant"] = variant_of(plant.name)
+    if variant := variant_of(plant.name):
+        found["variant"] = variant
     if plant.contacts:
         found["contacts"] = plant.contacts
     return found | ({"effects": effects} if effects else {})

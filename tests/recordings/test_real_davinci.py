@@ -284,7 +284,7 @@ def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
 
     The full model is better than that by log odds of 180, but in another valley than a refit from there ends in.
     Nor is the spring, of which its hardening goes, too: one effect is asked for, and a spring that does not harden
-    leaves 8 % less of the squares of the angle and 8 % more of those of the torque (log odds of -20).
+    leaves less of the angle and more of the torque (weighted squares of 25 and 23 for 27 and 21; log odds of -20).
     """
     data = reader("da-vinci-jaw").open_dataset(JAW, Asked(None, True))
     write_data_set(data, tmp_path / "series", chosen=["Tool_4_Maryland_L_4_??"])
@@ -294,9 +294,9 @@ def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
     rows = ablations(whole)
     assert len(rows) >= 4
     lacking = {row["removed"]: row["found"] for row in rows if not row["in_class"]}
-    assert set(lacking) <= {"load_dependent_friction", "cable_elongation"} and not any(lacking.values())
-    if lacking:
+    if lacking == {"load_dependent_friction": "", "cable_elongation": ""}:
         pytest.xfail("a torque sensor's scale takes the place of friction; a spring is told with its hardening only")
+    assert lacking == {}
 
 
 @needs_jaw

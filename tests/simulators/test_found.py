@@ -71,7 +71,16 @@ def test_a_stiff_stop_is_named_where_nothing_holds_the_simulator_to_its_record()
     found = diagnose(records, simulator=cart(), effects=["unilateral_contact", "coulomb_friction", "position_ripple"])
     effect = _within(found, "slide.stiffness", 60.0, 0.01)
     assert effect.hypothesis.name == "unilateral_contact.slide"
-    assert effect.parameters["slide.place"].value == pytest.approx(1.0, abs=0.02)
+    assert effect.parameters["slide.place"].value == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(reason="of the many valleys of a cart that runs freely one at 0.62 m is found", strict=True)
+def test_a_stiff_stop_that_is_met_sooner_has_its_size():
+    records = cart_records(seed=5, seconds=4.0, noise=5e-4, met=(60.0, 0.8))
+    asked = ["unilateral_contact", "position_dependent_load", "coulomb_friction", "position_ripple"]
+    effect = _within(diagnose(records, simulator=cart(), effects=asked), "slide.stiffness", 60.0, 0.01)
+    assert effect.parameters["slide.place"].value == pytest.approx(0.8, abs=2e-3)
 
 
 def test_dry_friction_of_a_cart_is_named_also_by_workers():
